@@ -1,0 +1,87 @@
+"""Stable-Baselines3's ``VecEnv`` over a lanekeep vector environment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
+
+import lanekeep_env  # noqa: F401
+
+
+class LaneVecEnv(VecEnv):
+    """Same-step autoreset, as Stable-Baselines3 expects it.
+
+    Infos are filled for the lanes whose episode ended in this step (terminal_observation,
+    TimeLimit.truncated and the truth of the last step); the others share one empty dict, since a dict a
+    lane would cost more than the simulation. `truth` holds the vector infos of the last step.
+    """
+
+    def __init__(self, env_id: str, num_envs: int, **keywords: Any) -> None:
+        self.env = gym.make_vec(
+            env_id, num_envs, vectorization_mode="vector_entry_point", autoreset_mode="same_step", **keywords
+        )
+        super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
+        self.truth: dict[str, Any] = {}
+        self._actions = np.zeros((num_envs, 1), dtype=np.float32)
+
+    def reset(self) -> VecEnvObs:
+        """Reset every lane; the seed of the last `seed` call is used once."""
+        seed = None if self._seeds[0] is None else list(self._seeds)
+        observation, self.truth = self.env.reset(seed=seed)  # type: ignore[arg-type]
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        self._reset_seeds()
+        self._reset_options()
+        return observation
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Advance all lanes."""
+        observation, rewards, terminated, truncated, self.truth = self.env.step(self._actions)
+        dones = terminated | truncated
+        infos: list[dict[str, Any]] = [{}] * self.num_envs
+        if "final_obs" in self.truth:
+            final, last = self.truth["final_obs"], self.truth["final_info"]
+            names = [name for name in last if not name.startswith("_")]
+            for lane in np.flatnonzero(dones):
+                infos[lane] = {
+                    "terminal_observation": final[lane],
+                    "TimeLimit.truncated": bool(truncated[lane] and not terminated[lane]),
+                    **{name: last[name][lane].item() for name in names},
+                }
+        return observation, rewards, dones, infos
+
+    def close(self) -> None:
+        """Close the vector environment."""
+        self.env.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """Return an attribute of the vector environment, once a lane asked for."""
+        return [getattr(self.env.unwrapped, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Not supported: a scenario is frozen; make another environment."""
+        raise AttributeError(f"{attr_name!r} cannot be set: scenarios are frozen, make another environment")
+
+    def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
+        """Call a method of the vector environment once and return its result for each lane asked for."""
+        result = getattr(self.env.unwrapped, method_name)(*args, **kwargs)
+        return [result] * len(list(self._get_indices(indices)))
+
+    def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
+        """No lane is wrapped."""
+        return [False] * len(list(self._get_indices(indices)))
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """No pictures."""
+        return [None] * self.num_envs
+
+    def _get_indices(self, indices: VecEnvIndices) -> Iterable[int]:
+        return super()._get_indices(indices)

@@ -1,0 +1,53 @@
+"""Classical lateral controllers as policies: ``make(name, scenario)`` gives an object with ``predict``.
+
+Every policy is built from a scenario alone (vehicle, channels, control step), never from an environment:
+
+    >>> from lanekeep_env.scenario import LaneKeepScenario
+    >>> policy = make("pd", LaneKeepScenario())
+    >>> action, state = policy.predict([0.5, 0.0, 0.0, 20.0, 0.0, 0.0])
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from lanekeep_baselines.policy import Policy, Scenario
+from lanekeep_env.checks import nearest
+
+__all__ = ["Policy", "Scenario", "make", "names"]
+
+# Modules are imported when a policy is made: `pd` runs without python-control, and names() costs nothing.
+_POLICIES = {
+    "pd": "pd:ProportionalDerivative",
+    "yin-lqr": "yin:YinLqr",
+    "yin-lqr-observer-printed": "yin:YinLqrObserverPrinted",
+    "yin-lqr-observer": "yin:YinLqrObserver",
+    "yin-lqr-feedforward": "yin:YinLqrFeedforward",
+}
+
+
+def names() -> tuple[str, ...]:
+    """Return the names that `make` knows."""
+    return tuple(_POLICIES)
+
+
+def make(name: str, scenario: Scenario) -> Policy:
+    """Design the controller ``name`` for the vehicle, the channels and the control step of ``scenario``.
+
+    Raises:
+        ValueError: unknown name (the nearest one is named), or a channel that the scenario does not observe.
+        ModuleNotFoundError: the controller's design needs a package of the extra `lanekeep[baselines]`.
+    """
+    if name not in _POLICIES:
+        raise ValueError(f"policy={name!r} is unknown{nearest(name, _POLICIES)}; allowed: {', '.join(_POLICIES)}")
+    module, record = _POLICIES[name].split(":")
+    try:
+        build = getattr(import_module(f"lanekeep_baselines.{module}"), record)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] not in ("control", "scipy"):
+            raise
+        raise ModuleNotFoundError(
+            f'policy {name!r} needs the package {error.name!r}: pip install "lanekeep[baselines]"', name=error.name
+        ) from error
+    policy: Policy = build(scenario)
+    return policy

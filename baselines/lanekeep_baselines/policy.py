@@ -1,0 +1,157 @@
+"""What every controller shares: the policy's interface, batches, channels by name, commands into actions.
+
+A policy is a pure function: state in, state out, nothing mutated, nothing remembered in the object. Its
+rows are independent of each other to the last bit: everything is an elementwise operation over the rows
+(a matrix product would let the batch size choose the order of the additions).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lanekeep_env.physics.parameters import VehicleParameters
+
+Floats = NDArray[np.float64]
+
+
+class NamedChannel(Protocol):
+    """One entry of the observation; only its name matters here."""
+
+    @property
+    def name(self) -> str: ...
+
+
+class Scenario(Protocol):
+    """What a controller may know: nominal vehicle, channels, control step and the scale of the actions.
+
+    `lanekeep_env.scenario.LaneKeepScenario` is one; units and meanings are told there.
+    """
+
+    @property
+    def vehicle(self) -> VehicleParameters: ...
+    @property
+    def dynamics(self) -> str: ...
+    @property
+    def channels(self) -> Sequence[NamedChannel]: ...
+    @property
+    def control_step(self) -> float: ...
+    @property
+    def action(self) -> str: ...
+    @property
+    def max_steering_angle(self) -> float: ...
+    @property
+    def max_steering_rate(self) -> float: ...
+    @property
+    def preview_interval(self) -> float: ...
+
+
+class Policy(Protocol):
+    """Observations to actions, as in Stable-Baselines3."""
+
+    name: ClassVar[str]
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: NDArray[Any] | None = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
+        """Return the actions (float32, last axis 1) and the next state for one observation or a batch."""
+        ...
+
+
+class SteeringPolicy:
+    """A controller that asks for a road-wheel angle; subclasses write `command`.
+
+    Attributes:
+        name: what `lanekeep_baselines.make` calls it.
+        needs: channels that it reads.
+        memory: numbers that it remembers from one step to the next, 0 for none.
+    """
+
+    name: ClassVar[str]
+    needs: ClassVar[tuple[str, ...]]
+    memory: ClassVar[int] = 0
+
+    def __init__(self, scenario: Scenario) -> None:
+        rate_mode = scenario.action == "steering_rate"
+        self._columns = len(scenario.channels)
+        order = {channel.name: i for i, channel in enumerate(scenario.channels)}
+        needs = (*self.needs, "steering_command") if rate_mode else self.needs
+        for channel in needs:
+            if channel not in order:
+                hint = ": make the scenario with preview=1 or more" if channel.startswith("curvature_preview") else ""
+                raise ValueError(
+                    f"policy {self.name!r} needs the channel {channel!r}, which the scenario does not observe{hint}; "
+                    f"channels: {', '.join(order)}"
+                )
+        self._order = order
+        self._rate_mode = rate_mode
+        self._scale = scenario.max_steering_angle
+        if rate_mode:
+            self._scale = scenario.max_steering_rate * scenario.control_step
+
+    def command(
+        self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
+    ) -> tuple[Floats, Floats | None]:
+        """Return the road-wheel angle asked for, rad, + left, shape (n,), and the next memory.
+
+        Args:
+            at: each channel of the observation by name, float64, shape (n,).
+            memory: (n, memory); meaningless in rows that are fresh. Never written to.
+            fresh: rows in which an episode starts, (n,), or one answer for all rows.
+        """
+        raise NotImplementedError
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: NDArray[Any] | None = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
+        """Return actions in [-1, 1] while the command is within the scenario's bounds, and the next state.
+
+        A command beyond the bounds gives an action beyond [-1, 1], which the environment clips; the policies
+        learn of it from the channel `steering_command`.
+
+        Args:
+            observation: (channels,) or (n, channels).
+            state: what the last call returned, (memory,) or (n, memory); None starts every row afresh.
+            episode_start: () or (n,); rows that are true forget their state.
+            deterministic: there is nothing random here; accepted for Stable-Baselines3's sake.
+
+        Returns:
+            Actions, float32, (1,) or (n, 1); state, float64, or None for a policy without memory.
+
+        Raises:
+            ValueError: an observation or a state of another shape.
+        """
+        rows = np.asarray(observation)
+        if rows.ndim not in (1, 2) or rows.shape[-1] != self._columns:
+            raise ValueError(
+                f"observation has shape {rows.shape}, allowed: ({self._columns},) or (n, {self._columns}), "
+                "one number a channel of the scenario"
+            )
+        single = rows.ndim == 1
+        columns = np.array(np.atleast_2d(rows).T, dtype=np.float64, order="C")
+        at = {channel: columns[i] for channel, i in self._order.items()}
+        n = columns.shape[1]
+        fresh: NDArray[np.bool_] | bool = state is None
+        memory = np.zeros((n, self.memory)) if state is None else np.atleast_2d(np.asarray(state, dtype=np.float64))
+        if memory.shape != (n, self.memory):
+            raise ValueError(f"state has shape {memory.shape}, allowed: {(n, self.memory)}, as predict returned it")
+        if state is not None and episode_start is not None:
+            fresh = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), (n,))
+        command, following = self.command(at, memory, fresh)
+        if self._rate_mode:
+            command = command - at["steering_command"]
+        action = (command / self._scale).astype(np.float32)[:, None]
+        if single:
+            return action[0], None if following is None else following[0]
+        return action, following

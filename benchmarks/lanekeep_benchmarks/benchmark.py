@@ -1,0 +1,119 @@
+"""One benchmark run from its options to its files: plan, drive, report."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import lanekeep_baselines
+from lanekeep_benchmarks import plots
+from lanekeep_benchmarks.evaluate import EpisodeResult, Policy, episode_seed, evaluate, make_lanes, record
+from lanekeep_benchmarks.report import markdown, summarise
+from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder, default_folder
+from lanekeep_benchmarks.suites import Suite, road_suite, suite_named
+from lanekeep_env import LaneKeepScenario
+from lanekeep_env.checks import nearest, require
+
+
+@dataclass
+class Plan:
+    """What a run does; ``results`` fill while it drives."""
+
+    suite: Suite
+    policies: list[str]
+    episodes: int
+    seed: int
+    is_road: bool
+    results: list[EpisodeResult] = field(default_factory=list)
+    _made: dict[tuple[str, str], Policy] = field(default_factory=dict)
+
+    def policy(self, name: str, definition: LaneKeepScenario) -> Policy:
+        """Return the policy designed for that definition; policies are pure, so one serves the whole run."""
+        key = name, definition.hash
+        if key not in self._made:
+            self._made[key] = lanekeep_baselines.make(name, definition)
+        return self._made[key]
+
+    @property
+    def total(self) -> int:
+        """Number of episodes to drive."""
+        return len(self.suite.scenarios) * len(self.policies) * self.episodes
+
+
+def make_plan(suite: str | None, policies: str | None, road: Path | None, episodes: int | None, seed: int) -> Plan:
+    """Read the options; build everything once, so that nothing is driven before all of it is known to work.
+
+    Raises:
+        ValueError, OSError: unknown suite or policy, or a road that cannot be driven.
+    """
+    require("--episodes", episodes, "", at_least=1, whole=True, optional=True)
+    require("--seed", seed, "", at_least=0, whole=True)
+    if suite is not None and road is not None:
+        raise ValueError(f"suite {suite!r} and --road {road} exclude each other; give one of them")
+    chosen = suite_named(suite or "classical") if road is None else road_suite(road)
+    names = policy_names(policies)
+    plan = Plan(chosen, names, episodes or chosen.episodes, seed, road is not None)
+    for scenario in chosen.scenarios:
+        env = make_lanes(scenario, 1)
+        for name in names:
+            plan.policy(name, env.unwrapped.scenario)
+        env.close()
+    return plan
+
+
+def policy_names(text: str | None) -> list[str]:
+    """Split a comma-separated list; None means all. Unknown and repeated names are errors."""
+    known = list(lanekeep_baselines.names())
+    if text is None:
+        return known
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    for name in names:
+        if name not in known:
+            raise ValueError(f"policy {name!r} is unknown{nearest(name, known)}; allowed: {', '.join(known)}")
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"--policies {text!r} is not allowed: one or more different names of {', '.join(known)}")
+    return names
+
+
+def open_folder(plan: Plan, out: Path | None, overwrite: bool) -> ResultFolder:
+    """Open the folder for the results; ValueError where it holds some already."""
+    return ResultFolder(out or default_folder(plan.suite.name), overwrite)
+
+
+def drive(plan: Plan, folder: ResultFolder) -> Iterator[tuple[str, int]]:
+    """Drive all episodes, each line on disk as its chunk ends; yield (what was driven, number of episodes)."""
+    batches = evaluate(
+        plan.suite,
+        plan.policies,
+        plan.policy,
+        episodes=plan.episodes,
+        seed=plan.seed,
+    )
+    for batch in batches:
+        folder.append(batch)
+        plan.results += batch
+        yield f"{batch[0].scenario}: {batch[0].policy}", len(batch)
+
+
+def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
+    """Write summary, tables and plots; return the summary."""
+    summary = summarise(plan.suite, plan.results, plan.policies)
+    folder.write(SUMMARY, json.dumps(summary, indent=1, allow_nan=False) + "\n")
+    folder.write(TABLE, markdown(summary))
+    folder.write("plot_errors.png", plots.plot_errors(summary))
+    for scenario in plan.suite.scenarios:
+        seed = episode_seed(plan.suite.name, scenario.name, 0, plan.seed)
+        env = make_lanes(scenario, 1)
+        definition = env.unwrapped.scenario
+        env.close()
+        traces = {name: record(scenario, plan.policy(name, definition), seed) for name in plan.policies}
+        title = f"{scenario.title}: episode 0, seed {plan.seed}"
+        picture = plots.plot_episode(title, traces, definition.control_step, definition.lane_width)
+        folder.write(f"plot_episode_{scenario.name}.png", picture)
+        if plan.is_road:
+            picture = plots.plot_map(title, definition.road.build()[0], traces, definition.lane_width)
+            folder.write(f"plot_map_{scenario.name}.png", picture)
+    return summary

@@ -1,0 +1,181 @@
+"""The `lanekeep` command: environments, benchmark, speed."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import gymnasium as gym
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+import lanekeep_env
+
+app = typer.Typer(
+    name="lanekeep",
+    help="Vehicle lateral control: environments, reference controllers, paired benchmark.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code. Wrong usage is one line on stderr and exit code 2."""
+    try:
+        code = app(args=arguments, prog_name="lanekeep", standalone_mode=False)
+    except typer.Abort:
+        print("lanekeep: interrupted", file=sys.stderr)
+        return 130
+    except Exception as error:
+        # typer's usage errors: which class they are differs between its versions, what they can do does not.
+        if not hasattr(error, "format_message"):
+            raise
+        message = _one_line(error.format_message())
+        if message:  # a bare `lanekeep` has printed its help instead
+            print(f"lanekeep: {message} (see lanekeep --help)", file=sys.stderr)
+        return 2
+    return code if isinstance(code, int) else 0
+
+
+def _one_line(text: object) -> str:
+    return " ".join(str(text).split())
+
+
+@contextmanager
+def _input_errors() -> Iterator[None]:
+    """Turn what the packages say about bad input into one line on stderr and exit code 2."""
+    try:
+        yield
+    except (ValueError, OSError, gym.error.Error) as error:
+        print(f"lanekeep: {_one_line(error)}", file=sys.stderr)
+        raise typer.Exit(2) from error
+
+
+def _console(stderr: bool = False) -> Console:
+    """A console; tables keep a readable width where the output is a file or a pipe."""
+    console = Console(stderr=stderr)
+    return console if console.is_terminal else Console(stderr=stderr, width=160)
+
+
+@app.command()
+def envs(as_json: Json = False) -> None:
+    """List the registered environments with their spaces and channels.
+
+    Example: lanekeep envs --json
+    """
+    found: list[dict[str, Any]] = []
+    for env_id in sorted(lanekeep_env.ENVIRONMENTS):
+        env = gym.make(env_id)
+        found.append(
+            {
+                "id": env_id,
+                "max_episode_steps": gym.registry[env_id].max_episode_steps,
+                "action_space": str(env.action_space),
+                "observation_space": str(env.observation_space.shape),
+                "channels": [
+                    {name: getattr(channel, name) for name in ("name", "unit", "low", "high", "description")}
+                    for channel in env.unwrapped.scenario.channels  # type: ignore[attr-defined]
+                ],
+            }
+        )
+        env.close()
+    if as_json:
+        print(json.dumps(found))
+        return
+    console = _console()
+    for entry in found:
+        title = f"{entry['id']}: action {entry['action_space']}, {entry['max_episode_steps']} steps"
+        table = Table(title=title, title_justify="left", title_style="bold")
+        for heading in ("channel", "unit", "low", "high", "meaning"):
+            table.add_column(heading, justify="right" if heading in ("low", "high") else "left")
+        for channel in entry["channels"]:
+            bounds = [f"{channel[bound]:.4g}" for bound in ("low", "high")]
+            table.add_row(channel["name"], channel["unit"], *bounds, channel["description"])
+        console.print(table)
+
+
+@app.command()
+def bench(
+    suite: Annotated[str | None, typer.Argument(help="Name of the suite; default: classical.")] = None,
+    policies: Annotated[str | None, typer.Option(help="Policies, comma-separated; the first is the reference.")] = None,
+    road: Annotated[Path | None, typer.Option(help="CSV centre line (x, y in m) to drive instead of a suite.")] = None,
+    episodes: Annotated[int | None, typer.Option(help="Episodes for each scenario; default: the suite's.")] = None,
+    seed: Annotated[int, typer.Option(help="Another seed, other episodes.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder for results; default: results/SUITE-TIME.")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace results in --out.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Compare policies on identical episodes: table, result lines, plots.
+
+    Example: lanekeep bench --policies pd,yin-lqr-observer --road my_track.csv --out results/my_track
+    """
+    from lanekeep_benchmarks import benchmark
+    from lanekeep_benchmarks.report import caption, terminal_table
+
+    with _input_errors():
+        plan = benchmark.make_plan(suite, policies, road, episodes, seed)
+        folder = benchmark.open_folder(plan, out, overwrite)
+    with folder, _progress() as progress:
+        task = progress.add_task("driving", total=plan.total)
+        for name, count in benchmark.drive(plan, folder):
+            progress.update(task, advance=count, description=name)
+        progress.update(task, description="tables and plots")
+        summary = benchmark.write_report(plan, folder)
+    if as_json:
+        print(json.dumps(summary))
+        return
+    console = _console()
+    for entry in summary["scenarios"]:
+        console.print(terminal_table(entry, summary["reference"]))
+    console.print(caption(summary), highlight=False)
+    console.print(f"Results, tables and plots: {folder.path}", highlight=False, soft_wrap=True)
+
+
+def _progress() -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("episodes"))
+    return Progress(*columns, TimeElapsedColumn(), console=_console(stderr=True), transient=True)
+
+
+@app.command()
+def speed(
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer and shorter rounds.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Measure env-steps/s beside CartPole and highway-env, and the start-up times.
+
+    Example: lanekeep speed --quick --json
+    """
+    from lanekeep_benchmarks.speed import measure_rates, measure_start_up, to_json
+
+    with _console(stderr=True).status("measuring") as status:
+        speeds = measure_rates(quick, status.update)
+        speeds.start_up = measure_start_up(status.update)
+    if as_json:
+        print(to_json(speeds))
+        return
+    console = _console()
+    rivals = [name for name in speeds.rates if not name.startswith("lanekeep")]
+    table = Table(title="Env-steps per second, and times as fast (median of paired ratios)", title_justify="left")
+    for heading in ("environment", "env-steps/s", *(f"÷ {rival}" for rival in rivals)):
+        table.add_column(heading, justify="left" if heading == "environment" else "right")
+    for name, rate in speeds.rates.items():
+        ratios = speeds.ratios.get(name, {})
+        table.add_row(name, f"{rate:,.0f}", *(f"{ratios[rival]:.2f}" if rival in ratios else "" for rival in rivals))
+    console.print(table)
+    times = Table(title="Start-up in a fresh process", title_justify="left")
+    times.add_column("what")
+    times.add_column("seconds", justify="right")
+    for name, seconds in speeds.start_up.items():
+        times.add_row(name, f"{seconds:.2f}")
+    console.print(times)
+    for note in speeds.notes:
+        console.print(note, highlight=False)

@@ -1,0 +1,185 @@
+"""Paired evaluation: every policy drives the same episodes, whatever the order, the chunks and the other policies.
+
+An episode's seed is a hash of (suite, scenario, episode, seed) and of nothing else. Episodes run as lanes of one vector
+environment; a lane depends on its own seed only, so the number of lanes changes no result. All metrics are computed
+from `info`, the truth, never from observations.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+import lanekeep_env
+from lanekeep_benchmarks.suites import Suite, SuiteScenario
+
+LANES = 256
+
+
+class Policy(Protocol):
+    """What is evaluated: as in SB3, batched over lanes, pure."""
+
+    def predict(
+        self,
+        observation: NDArray[np.float32],
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Return the actions (n, 1) for observations (n, channels) and the next state."""
+        ...
+
+
+MakePolicy = Callable[[str, Any], Policy]
+
+
+@dataclass(frozen=True)
+class EpisodeResult:
+    """One line of episodes.jsonl.
+
+    ``metrics``: rms_lateral_error and peak_lateral_error in m, rms_steering_rate in rad/s at the road wheel,
+    peak_lateral_acceleration in m/s², return; over the steps driven. ``failed``: the car left the lane.
+    """
+
+    suite: str
+    scenario: str
+    scenario_hash: str
+    policy: str
+    episode: int
+    seed: int
+    episode_seed: int
+    failed: bool
+    steps: int
+    metrics: Mapping[str, float]
+    version: str
+
+    def to_json(self) -> str:
+        """One line of JSON, without the line end."""
+        return json.dumps(asdict(self), allow_nan=False)
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one control step of all lanes brought; ``alive`` (n,) marks lanes whose episode it belongs to."""
+
+    alive: NDArray[np.bool_]
+    observation: NDArray[np.float32]
+    reward: NDArray[np.float64]
+    info: Mapping[str, Any]
+
+
+def episode_seed(suite: str, scenario: str, episode: int, seed: int) -> int:
+    """Seed of one episode: 53 bits, so that readers which keep numbers as doubles see it exactly."""
+    text = json.dumps([suite, scenario, episode, seed])
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> 11
+
+
+def make_lanes(scenario: SuiteScenario, lanes: int) -> Any:
+    """Vector environment of a scenario, one lane an episode (untyped: Gymnasium's type does not know it)."""
+    keywords = dict(scenario.keywords)
+    if scenario.max_episode_steps is not None:
+        keywords["max_episode_steps"] = scenario.max_episode_steps
+    return gym.make_vec(
+        scenario.env_id, num_envs=lanes, vectorization_mode="vector_entry_point", autoreset_mode="next_step", **keywords
+    )
+
+
+def drive(env: Any, policy: Policy, seeds: Sequence[int], options: Mapping[str, Any]) -> Iterator[Step]:
+    """Yield the steps of one episode a lane, until the last one has ended."""
+    observation, _ = env.reset(seed=list(seeds), options=dict(options) or None)
+    state = None
+    start = np.ones(len(seeds), dtype=bool)
+    alive = start.copy()
+    while alive.any():
+        action, state = policy.predict(observation, state, start)
+        observation, reward, terminated, truncated, info = env.step(action)
+        yield Step(alive, observation, reward, info)
+        start = np.zeros_like(start)
+        # A lane that has ended starts another episode by itself; that is driven on, but not counted.
+        alive = alive & ~(terminated | truncated)
+
+
+def measure(steps: Iterator[Step], lanes: int) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.bool_], NDArray]:
+    """Reduce steps to (metrics by name, failed, steps driven), arrays of shape (lanes,)."""
+    squared_error, peak_error, squared_rate, peak_acceleration, total = np.zeros((5, lanes))
+    failed = np.zeros(lanes, dtype=bool)
+    count = np.zeros(lanes, dtype=np.int64)
+    for step in steps:
+        alive, info = step.alive, step.info
+        error = np.abs(np.asarray(info["lateral_error"], dtype=np.float64))
+        rate = np.asarray(info["steering_rate"], dtype=np.float64)
+        acceleration = np.abs(np.asarray(info["lateral_acceleration"], dtype=np.float64))
+        np.add(squared_error, error**2, out=squared_error, where=alive)
+        np.add(squared_rate, rate**2, out=squared_rate, where=alive)
+        np.add(total, step.reward, out=total, where=alive)
+        np.maximum(peak_error, error, out=peak_error, where=alive)
+        np.maximum(peak_acceleration, acceleration, out=peak_acceleration, where=alive)
+        failed |= alive & ~np.asarray(info["is_success"], dtype=bool)
+        count += alive
+    metrics = {
+        "rms_lateral_error": np.sqrt(squared_error / count),
+        "peak_lateral_error": peak_error,
+        "rms_steering_rate": np.sqrt(squared_rate / count),
+        "peak_lateral_acceleration": peak_acceleration,
+        "return": total,
+    }
+    return metrics, failed, count
+
+
+def evaluate(
+    suite: Suite,
+    policies: Sequence[str],
+    make_policy: MakePolicy,
+    *,
+    episodes: int,
+    seed: int,
+    lanes: int = LANES,
+) -> Iterator[list[EpisodeResult]]:
+    """Yield the results scenario by scenario, chunk by chunk of episodes, policy by policy, as they finish."""
+    for scenario in suite.scenarios:
+        for first in range(0, episodes, lanes):
+            numbers = range(first, min(first + lanes, episodes))
+            seeds = [episode_seed(suite.name, scenario.name, number, seed) for number in numbers]
+            env = make_lanes(scenario, len(seeds))
+            definition = env.unwrapped.scenario
+            scenario_hash = scenario.hash(definition.hash)
+            for name in policies:
+                policy = make_policy(name, definition)
+                metrics, failed, count = measure(drive(env, policy, seeds, scenario.options), len(seeds))
+                yield [
+                    EpisodeResult(
+                        suite=suite.name,
+                        scenario=scenario.name,
+                        scenario_hash=scenario_hash,
+                        policy=name,
+                        episode=number,
+                        seed=seed,
+                        episode_seed=seeds[lane],
+                        failed=bool(failed[lane]),
+                        steps=int(count[lane]),
+                        metrics={key: float(values[lane]) for key, values in metrics.items()},
+                        version=lanekeep_env.__version__,
+                    )
+                    for lane, number in enumerate(numbers)
+                ]
+            env.close()
+
+
+def record(scenario: SuiteScenario, policy: Policy, seed: int) -> dict[str, NDArray[np.float64]]:
+    """Drive one episode and keep it: truth from `info` and the observation's channels by name, (steps,) each."""
+    env = make_lanes(scenario, 1)
+    channels = [channel.name for channel in env.unwrapped.scenario.channels]
+    rows: list[dict[str, float]] = []
+    for step in drive(env, policy, [seed], scenario.options):
+        row = dict(zip(channels, step.observation[0].tolist(), strict=True))
+        row |= {key: float(value[0]) for key, value in step.info.items() if not key.startswith("_")}
+        rows.append(row)
+    env.close()
+    return {key: np.array([row[key] for row in rows]) for key in rows[0]}

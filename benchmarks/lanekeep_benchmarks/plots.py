@@ -1,0 +1,159 @@
+"""Pictures of a run, as PNG bytes: errors with intervals, one episode over time, the course on a map."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.collections import LineCollection
+from matplotlib.colors import PowerNorm
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from lanekeep_env.roads import Road
+
+Trace = Mapping[str, NDArray[np.float64]]
+
+# Okabe and Ito (2008): eight colours that colour-blind readers tell apart.
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442")
+_GRID: dict[str, Any] = {"color": "#d0d0d0", "linewidth": 0.6}
+
+
+def colour_of(index: int) -> str:
+    """Colour of the policy with that place in the run."""
+    return _COLOURS[index % len(_COLOURS)]
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=150)
+    return buffer.getvalue()
+
+
+def plot_errors(summary: Mapping[str, Any]) -> bytes:
+    """RMS lateral error of every policy with its interval, one panel a scenario, failure rates beside the points."""
+    scenarios = summary["scenarios"]
+    names = [row["policy"] for row in scenarios[0]["policies"]]
+    columns = min(3, len(scenarios))
+    rows = -(-len(scenarios) // columns)
+    figure = Figure(figsize=(3.0 + 2.8 * columns, 0.4 + rows * (1.1 + 0.4 * len(names))), layout="constrained")
+    grid = figure.subplots(rows, columns, sharey=True, squeeze=False)
+    for axes, scenario in zip(grid.flat, scenarios, strict=False):
+        for place, row in enumerate(scenario["policies"]):
+            error = row["metrics"]["rms_lateral_error"]
+            colour = colour_of(place)
+            if error["low"] is not None:
+                axes.plot([error["low"], error["high"]], [place, place], color=colour, linewidth=3, alpha=0.5)
+            axes.plot(error["value"], place, "o", color=colour, markersize=5)
+            rate = 100 * row["failure_rate"]["value"]
+            axes.annotate(
+                f"{rate:.0f} %" if rate else "0",
+                (1.02, place),
+                xycoords=("axes fraction", "data"),
+                va="center",
+                fontsize=8,
+                color="#b00000" if rate else "#606060",
+            )
+        axes.annotate("failed", (1.02, 1.02), xycoords="axes fraction", fontsize=8, color="#606060")
+        axes.set_title(scenario["scenario"], fontsize=10)
+        axes.set_xlabel("RMS lateral error [m]")
+        highest = max(
+            row["metrics"]["rms_lateral_error"][end] or 0 for row in scenario["policies"] for end in ("value", "high")
+        )
+        axes.set_xlim(0, 1.1 * highest)
+        axes.margins(y=0.15)
+        axes.grid(axis="x", **_GRID)
+    for axes in grid.flat[len(scenarios) :]:
+        axes.set_axis_off()
+    grid[0, 0].set_yticks(range(len(names)), names)
+    grid[0, 0].invert_yaxis()
+    interval = f"bar: {100 * summary['confidence']:.0f} % interval of the mean"
+    figure.suptitle(f"{summary['suite']}: {summary['episodes']} paired episodes, {interval}", fontsize=11)
+    return _png(figure)
+
+
+def plot_episode(title: str, traces: Mapping[str, Trace], control_step: float, lane_width: float) -> bytes:
+    """Lateral error, steering angle, speed and curvature over time of one episode, all policies."""
+    rows = (
+        ("lateral_error", "lateral error [m]", 1.0),
+        ("steering_angle", "steering angle\n(road wheel) [°]", 180 / np.pi),
+        ("speed", "speed [km/h]", 3.6),
+        ("curvature_preview_0", "curvature [1/km]", 1000.0),
+    )
+    figure = Figure(figsize=(9, 8), layout="constrained")
+    panels = figure.subplots(len(rows), 1, sharex=True, gridspec_kw={"height_ratios": [2, 1.4, 1, 1]})
+    for axes, (key, label, scale) in zip(panels, rows, strict=True):
+        for place, (name, trace) in enumerate(traces.items()):
+            if key in trace:
+                time = control_step * np.arange(1, len(trace[key]) + 1)
+                axes.plot(time, scale * trace[key], color=colour_of(place), linewidth=1.2, label=name)
+        axes.set_ylabel(label)
+        axes.grid(**_GRID)
+    _mark_lane(panels[0], lane_width)
+    panels[-1].set_xlabel("time [s]")
+    panels[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False, fontsize=8)
+    figure.suptitle(title, fontsize=11)
+    return _png(figure)
+
+
+def plot_map(title: str, road: Road, traces: Mapping[str, Trace], lane_width: float) -> bytes:
+    """The road from above, the course's lateral error as colour for each policy, and the error over arc length."""
+    columns = min(3, len(traces))
+    rows = -(-len(traces) // columns)
+    figure = Figure(figsize=(4.2 * columns, 3.6 * rows + 3.2), layout="constrained")
+    grid = figure.add_gridspec(rows + 1, columns)
+    centre = road.position(np.linspace(0.0, road.length, 2000))
+    # One scale for all maps: up to the lane's edge, spread out near zero, its own colour outside.
+    scale = PowerNorm(0.5, vmin=0.0, vmax=lane_width / 2)
+    colours = colormaps["viridis"].with_extremes(over="#d00000")
+    maps, line = [], None
+    for place, (name, trace) in enumerate(traces.items()):
+        axes = figure.add_subplot(grid[place // columns, place % columns])
+        axes.plot(*centre.T, color="#e4e4e4", linewidth=6, zorder=0)
+        course = road.position(trace["arc_length"], trace["lateral_error"])
+        error = np.abs(trace["lateral_error"])
+        segments = list(np.stack([course[:-1], course[1:]], axis=1))
+        line = LineCollection(segments, cmap=colours, norm=scale, linewidth=2.5)
+        line.set_array(error[1:])
+        axes.add_collection(line)
+        axes.plot(*course[0], "k^", markersize=5)
+        rms = np.sqrt(np.mean(error**2))
+        axes.set_title(f"{name}: RMS {rms:.2f} m", fontsize=9, color=colour_of(place))
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_axis_off()
+        maps.append(axes)
+    if line is not None:
+        figure.colorbar(line, ax=maps, label="|lateral error| [m], red outside the lane", shrink=0.7, extend="max")
+    below = figure.add_subplot(grid[rows, :])
+    for place, (name, trace) in enumerate(traces.items()):
+        below.plot(
+            travelled(trace["arc_length"], road.length), trace["lateral_error"], color=colour_of(place), label=name
+        )
+    _mark_lane(below, lane_width)
+    below.set_xlabel("arc length [m]")
+    below.set_ylabel("lateral error [m]")
+    below.set_xlim(0.0, road.length)
+    below.grid(**_GRID)
+    below.legend(ncols=5, fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    figure.suptitle(title, fontsize=11)
+    return _png(figure)
+
+
+def travelled(arc_length: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+    """Arc length without the jump at the joint of a closed road."""
+    return np.unwrap(arc_length, period=length)
+
+
+def _mark_lane(axes: Axes, lane_width: float) -> None:
+    """Lines at the lane's edges where the data come near them, and a range that shows the data."""
+    low, high = axes.get_ylim()
+    edges: Sequence[float] = (-lane_width / 2, lane_width / 2)
+    for edge in edges:
+        if low - 0.3 < edge < high + 0.3:
+            axes.axhline(edge, color="#b00000", linewidth=1, linestyle="--")

@@ -1,0 +1,161 @@
+"""From result lines to a summary (JSON) and to tables (terminal, Markdown)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+from rich.text import Text
+
+from lanekeep_benchmarks.evaluate import EpisodeResult
+from lanekeep_benchmarks.statistics import CONFIDENCE, RESAMPLES, Interval, bootstrap_means, wilson
+from lanekeep_benchmarks.suites import Suite
+
+
+@dataclass(frozen=True)
+class Column:
+    """A metric as the tables show it."""
+
+    key: str
+    label: str
+    unit: str
+    digits: int
+
+
+COLUMNS = (
+    Column("rms_lateral_error", "RMS lateral error", "m", 3),
+    Column("peak_lateral_error", "peak lateral error", "m", 3),
+    Column("rms_steering_rate", "RMS steering rate", "rad/s", 4),
+    Column("peak_lateral_acceleration", "peak lateral acceleration", "m/s²", 2),
+    Column("return", "return", "", 1),
+)
+DIFFERENCE = "rms_lateral_error"
+
+
+def summarise(suite: Suite, results: Iterable[EpisodeResult], policies: Sequence[str]) -> dict[str, Any]:
+    """Summary of a run: for each scenario and policy every metric with its interval, as plain JSON-able data.
+
+    Differences are paired, policy minus reference on the same episodes; the reference is the first policy.
+    """
+    table: dict[tuple[str, str], list[EpisodeResult]] = {}
+    for result in results:
+        table.setdefault((result.scenario, result.policy), []).append(result)
+    scenarios = []
+    for scenario in suite.scenarios:
+        by_policy = {name: sorted(table[scenario.name, name], key=lambda result: result.episode) for name in policies}
+        first = by_policy[policies[0]]
+        for name, lines in by_policy.items():
+            if [line.episode_seed for line in lines] != [line.episode_seed for line in first]:
+                raise ValueError(f"{scenario.name}: {name} and {policies[0]} have not driven the same episodes")
+        scenarios.append(
+            {
+                "scenario": scenario.name,
+                "title": scenario.title,
+                "scenario_hash": first[0].scenario_hash,
+                "env_id": scenario.env_id,
+                "keywords": dict(scenario.keywords),
+                "options": dict(scenario.options),
+                "max_episode_steps": scenario.max_episode_steps,
+                "policies": _summarise_policies(by_policy),
+            }
+        )
+    any_line = next(iter(table.values()))[0]
+    return {
+        "suite": suite.name,
+        "description": suite.description,
+        "version": any_line.version,
+        "seed": any_line.seed,
+        "episodes": len(first),
+        "confidence": CONFIDENCE,
+        "resamples": RESAMPLES,
+        "reference": policies[0],
+        "scenarios": scenarios,
+    }
+
+
+def _summarise_policies(by_policy: dict[str, list[EpisodeResult]]) -> list[dict[str, Any]]:
+    """Intervals of one scenario. One bootstrap serves all columns, which makes the differences paired."""
+    keys = [column.key for column in COLUMNS]
+    values = np.array([[[line.metrics[key] for key in keys] for line in lines] for lines in by_policy.values()])
+    differences = values - values[:1]
+    stacked = np.concatenate([values, differences], axis=2)  # (policies, episodes, 2 metrics)
+    policies, episodes, width = stacked.shape
+    flat = stacked.transpose(1, 0, 2).reshape(episodes, policies * width)
+    intervals = bootstrap_means(flat, np.random.default_rng(0))
+    rows = []
+    for index, (name, lines) in enumerate(by_policy.items()):
+        mine = [_plain(interval) for interval in intervals[index * width : (index + 1) * width]]
+        failures = sum(line.failed for line in lines)
+        rows.append(
+            {
+                "policy": name,
+                "failures": failures,
+                "failure_rate": _plain(wilson(failures, len(lines))),
+                "metrics": dict(zip(keys, mine, strict=False)),
+                "difference_to_reference": dict(zip(keys, mine[len(keys) :], strict=True)) if index else None,
+            }
+        )
+    return rows
+
+
+def _plain(interval: Interval) -> dict[str, float | None]:
+    """As JSON has it: null instead of NaN."""
+    return {key: None if math.isnan(value) else value for key, value in asdict(interval).items()}
+
+
+def headings(reference: str) -> list[str]:
+    """Column headings of a scenario's table."""
+    names = [f"{column.label} [{column.unit}]" if column.unit else column.label for column in COLUMNS]
+    return ["policy", "failure rate [%]", *names, f"RMS lateral error − {reference}'s [m]"]
+
+
+def cells(row: dict[str, Any]) -> list[tuple[str, str]]:
+    """One policy's cells as (value, interval) in the order of the headings, without the policy's name."""
+    found = [_cell({key: 100 * bound for key, bound in row["failure_rate"].items()}, 1)]
+    found += [_cell(row["metrics"][column.key], column.digits) for column in COLUMNS]
+    difference = row["difference_to_reference"]
+    found.append(_cell(difference[DIFFERENCE], 3, sign="+") if difference else ("reference", ""))
+    return found
+
+
+def _cell(interval: dict[str, float | None], digits: int, sign: str = "") -> tuple[str, str]:
+    form = f"{{:{sign}.{digits}f}}"
+    if interval["low"] is None:
+        return form.format(interval["value"]), ""
+    return form.format(interval["value"]), f"{form.format(interval['low'])}…{form.format(interval['high'])}"
+
+
+def caption(summary: dict[str, Any]) -> str:
+    """What a reader must know about the numbers, in one line."""
+    return (
+        f"{summary['episodes']} episodes a policy, the same for all (seed {summary['seed']}), lanekeep"
+        f" {summary['version']}; below each mean its {100 * summary['confidence']:.0f} % interval:"
+        " bootstrap over episodes, Wilson for the rate"
+    )
+
+
+def terminal_table(scenario: dict[str, Any], reference: str) -> Table:
+    """Table of one scenario for the terminal, the interval below each value."""
+    # Text, because plain strings are markup, which eats the units' brackets.
+    table = Table(title=Text(scenario["title"], style="bold"), title_justify="left", row_styles=("", "dim"))
+    for index, heading in enumerate(headings(reference)):
+        table.add_column(Text(heading), justify="right" if index else "left", no_wrap=not index)
+    for row in scenario["policies"]:
+        table.add_row(row["policy"], *("\n".join(cell).rstrip() for cell in cells(row)))
+    return table
+
+
+def markdown(summary: dict[str, Any]) -> str:
+    """All tables of a run as Markdown."""
+    names = headings(summary["reference"])
+    lines = [f"# {summary['suite']}: {summary['description']}", "", caption(summary) + "."]
+    for scenario in summary["scenarios"]:
+        lines += ["", f"## {scenario['title']}", "", f"| {' | '.join(names)} |", f"|---{'|---:' * (len(names) - 1)}|"]
+        for row in scenario["policies"]:
+            texts = [f"{value}<br>{interval}" if interval else value for value, interval in cells(row)]
+            lines.append(f"| {row['policy']} | {' | '.join(texts)} |")
+    return "\n".join(lines) + "\n"

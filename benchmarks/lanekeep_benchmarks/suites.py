@@ -1,0 +1,133 @@
+"""Suites: what is driven. A suite is a tuple of frozen records, so a new one is data, not code."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lanekeep_env import LaneKeepScenario
+from lanekeep_env.checks import nearest
+from lanekeep_env.roads import Road, build_roads
+
+
+@dataclass(frozen=True)
+class SuiteScenario:
+    """One environment with everything that fixes its episodes.
+
+    Attributes:
+        name: short, for files and tables.
+        title: one line, for headings.
+        keywords: of `gym.make_vec`, JSON-able.
+        env_id: a registered environment.
+        options: of `reset`, the same for every episode.
+        max_episode_steps: length of an episode; None keeps the registered one.
+    """
+
+    name: str
+    title: str
+    keywords: Mapping[str, Any] = field(default_factory=dict)
+    env_id: str = "lanekeep/LaneKeep-v0"
+    options: Mapping[str, Any] = field(default_factory=dict)
+    max_episode_steps: int | None = None
+
+    def hash(self, definition_hash: str) -> str:
+        """16 hexadecimal digits that change with anything that changes the episodes."""
+        parts = [self.env_id, definition_hash, dict(self.options), self.max_episode_steps]
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class Suite:
+    """Scenarios that are evaluated and reported together; ``episodes`` is the default number for each scenario."""
+
+    name: str
+    description: str
+    scenarios: tuple[SuiteScenario, ...]
+    episodes: int
+
+
+# One curvature sample at the car, for every policy, so that all see the same observation (the feedforward reads it).
+# A departure is charged and counted but ends nothing: errors of all policies then cover the same 30 s of road.
+_COMMON: dict[str, Any] = {"preview": 1, "departure": "cost"}
+
+SUITES: dict[str, Suite] = {
+    suite.name: suite
+    for suite in (
+        Suite(
+            name="classical",
+            description="the published lane-keeping controllers on generated roads, Yin's car, 0.4 g speed profile",
+            episodes=256,
+            scenarios=(
+                SuiteScenario(
+                    "random-roads", "Random clothoid roads, peak curvature 0.0109 1/m", {"road": "random", **_COMMON}
+                ),
+                SuiteScenario(
+                    "yin-b",
+                    "Yin's scenario (b): curvature of both signs, start within 1 m",
+                    {"road": "yin", "start_lateral_error": 1.0, **_COMMON},
+                ),
+                SuiteScenario(
+                    "sine-400",
+                    "Sine road of 400 m wavelength, 68.3 km/h",
+                    {"road": {"kind": "sine", "wavelength": 400.0}, "speed": 18.97, **_COMMON},
+                ),
+                SuiteScenario(
+                    "sine-1600",
+                    "Sine road of 1600 m wavelength, 68.3 km/h",
+                    {"road": {"kind": "sine", "wavelength": 1600.0}, "speed": 18.97, **_COMMON},
+                ),
+                SuiteScenario(
+                    "saturating-tyre",
+                    "Random clothoid roads, saturating tyre on friction 0.6",
+                    {"road": "random", "tyre": "magic_formula", "friction": 0.6, **_COMMON},
+                ),
+            ),
+        ),
+    )
+}
+
+
+def suite_named(name: str) -> Suite:
+    """Return the suite of that name; ValueError names the nearest one."""
+    if name not in SUITES:
+        raise ValueError(f"suite {name!r} is unknown{nearest(name, SUITES)}; allowed: {', '.join(SUITES)}")
+    return SUITES[name]
+
+
+def lap_time(road: Road, speed: np.ndarray) -> float:
+    """Seconds for one pass of ``road`` at the node speeds (n + 1,) in m/s, v² linear in between."""
+    return float(np.sum(2 * np.asarray(road.lengths) / (speed[:-1] + speed[1:])))
+
+
+def road_suite(file: Path) -> Suite:
+    """Suite of one scenario: a whole pass of the centre line in ``file``, from its first point, small start errors.
+
+    Raises:
+        ValueError, OSError: the file is missing or is not a drivable road; the message says why.
+    """
+    if not file.is_file():
+        raise ValueError(f"--road {file}: no such file; allowed: a CSV file with the columns x, y in m")
+    keywords: dict[str, Any] = {"road": {"kind": "file", "path": str(file)}, **_COMMON}
+    definition = LaneKeepScenario.from_keywords(**keywords)
+    ((road, speed),) = build_roads(definition.road, definition.speed)
+    # Hairpins need more steering than a country road: half as much again as the tightest curve asks for.
+    tightest = math.atan(definition.vehicle.wheelbase * road.peak_curvature)
+    keywords["max_steering_angle"] = round(max(definition.max_steering_angle, 1.5 * tightest), 3)
+    seconds = lap_time(road, speed)
+    # A car outside its lane's centre in curves needs longer; on a closed road it gets the time to finish its lap.
+    margin = 1.03 if road.closed else 1.0
+    scenario = SuiteScenario(
+        file.stem,
+        f"{file.stem}: {road.length:.0f} m, {seconds:.0f} s, road fitted to {100 * road.fit_error:.1f} cm",
+        keywords,
+        options={"arc_length": 0.0},
+        max_episode_steps=math.ceil(margin * seconds / definition.control_step),
+    )
+    return Suite(name=f"road-{file.stem}", description=f"one pass of {file.name}", scenarios=(scenario,), episodes=16)

@@ -1,0 +1,23 @@
+"""Lane keeping, path following and wall following environments for Gymnasium.
+
+``import lanekeep_env`` registers the ids ``lanekeep/<Task>-v0``.
+"""
+
+from lanekeep_env.envs.termination import Termination
+from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator, VehicleParameters
+from lanekeep_env.registration import ENVIRONMENTS, register_all
+from lanekeep_env.scenario import Channel, LaneKeepScenario
+
+__version__ = "0.1.0"
+__all__ = [
+    "ENVIRONMENTS",
+    "VEHICLES",
+    "Channel",
+    "LaneKeepScenario",
+    "SteeringActuator",
+    "Termination",
+    "VehicleParameters",
+    "__version__",
+]
+
+register_all()

@@ -1,0 +1,68 @@
+"""Checks of configuration: one-line errors that name the field, the value, the unit and what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from numbers import Real
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+
+def nearest(word: str, allowed: Iterable[str]) -> str:
+    """Return " (did you mean 'x'?)" for the closest allowed word, or an empty string."""
+    match = difflib.get_close_matches(str(word), list(allowed), n=1, cutoff=0.5)
+    return f" (did you mean {match[0]!r}?)" if match else ""
+
+
+def require(
+    name: str,
+    value: Any,
+    unit: str,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+    whole: bool = False,
+    optional: bool = False,
+) -> None:
+    """Raise ValueError unless ``value`` is a finite number inside the bounds (or None where ``optional``)."""
+    if value is None and optional:
+        return
+    number = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    good = (
+        number
+        and (above is None or value > above)
+        and (at_least is None or value >= at_least)
+        and (at_most is None or value <= at_most)
+        and (not whole or value == int(value))
+    )
+    if not good:
+        bounds = [
+            text
+            for text, bound in ((f"> {above}", above), (f">= {at_least}", at_least), (f"<= {at_most}", at_most))
+            if bound is not None
+        ]
+        kind = "a whole number" if whole else "a finite number"
+        limits = f" {' and '.join(bounds)}" if bounds else ""
+        none = " or None" if optional else ""
+        raise ValueError(f"{name}={value!r} is not allowed: it must be {kind}{limits}{f' {unit}' if unit else ''}{none}")
+
+
+def choose(name: str, value: Any, allowed: Iterable[str]) -> None:
+    """Raise ValueError unless ``value`` is one of the allowed words."""
+    allowed = list(allowed)
+    if value not in allowed:
+        raise ValueError(f"{name}={value!r} is unknown{nearest(value, allowed)}; allowed: {', '.join(allowed)}")
+
+
+def from_mapping(record: type[T], mapping: Mapping[str, Any], name: str) -> T:
+    """Build the frozen dataclass ``record``; an unknown key is an error that names the nearest field."""
+    allowed = [f.name for f in fields(record)]  # type: ignore[arg-type]
+    for key in mapping:
+        if key not in allowed:
+            raise ValueError(f"{name} has no field {key!r}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
+    return record(**mapping)

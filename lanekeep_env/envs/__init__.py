@@ -1,0 +1,1 @@
+"""Environment classes: thin skins, single and vectorised, over one compiled kernel a family."""

@@ -1,0 +1,201 @@
+"""`lanekeep/LaneKeep-v0`, one car."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.spaces import Box
+
+from lanekeep_env import layout as at
+from lanekeep_env.envs import road_kernel
+from lanekeep_env.envs.road_lanes import RoadLanes
+from lanekeep_env.roads import Road
+from lanekeep_env.scenario import Channel, LaneKeepScenario
+
+_NO_FINAL = {name: np.zeros((0, 0), dtype=name) for name in ("float32", "float64")}
+
+
+def observation_space(scenario: LaneKeepScenario) -> Box:
+    """Box with the bounds of the scenario's channels."""
+    low, high = scenario.channel_bounds().T
+    return Box(low.copy(), high.copy(), dtype=np.float32)
+
+
+class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
+    """
+    ## Description
+
+    Keep a car in the middle of its lane. The car follows a road of changing curvature at a given speed
+    profile (0.4 g of lateral acceleration, up to 180 km/h); the policy steers. This is the scenario
+    family of Yin 2010 (lane keeping at 68 to 180 km/h), on his car with his steering actuator.
+
+    ## Action Space
+
+    `Box(-1, 1, (1,), float32)`. With `action="steering_angle"` (default) the road-wheel angle asked for,
+    1 = `max_steering_angle` (0.15 rad), left positive; with `action="steering_rate"` the speed of that
+    angle, 1 = `max_steering_rate` (0.4 rad/s). Values outside are clipped and counted
+    (`env.unwrapped.clipped_actions`); NaN is an error.
+
+    ## Observation Space
+
+    A flat float32 box; `env.unwrapped.channels` names each entry with unit and bounds.
+
+    | entry | unit | meaning |
+    |---|---|---|
+    | lateral_error | m | centre of gravity left of the lane's centre |
+    | heading_error | rad | heading minus the road's |
+    | yaw_rate | rad/s | |
+    | speed | m/s | |
+    | steering_angle | rad | of the road wheel |
+    | steering_command | rad | the command that last entered the actuator |
+    | curvature_preview_0 ... n-1 | 1/m | with `preview=n`: curvature at the car and every `preview_interval` s ahead |
+
+    `observation="full"` adds sideslip (rad), curvature (1/m) and lateral_acceleration (m/s²).
+    Values are clipped to the bounds. `info` holds the truth for metrics: lateral_error, heading_error,
+    lateral_acceleration, steering_rate (mean of the step), speed, arc_length, cost (1 outside the
+    lane), is_success (never departed so far), termination (`lanekeep_env.Termination`).
+
+    ## Rewards
+
+    Minus the running cost min(cap, (d / 0.5 m)² + w (steering rate / reference)²) times the control
+    step, with w = 1, reference = 0.1 rad/s of the road wheel (at a steering ratio of 16 a brisk 92°/s of
+    the steering wheel) and cap = 16 per second (a lane's edge costs 12.25). A departure charges the cap
+    for the rest of `duration` (30 s), so leaving the lane is worse than any drive inside it.
+
+    ## Starting State
+
+    Anywhere on the road, in curves as on straights, in the steady state of driving along the road
+    there, shifted by up to `start_lateral_error` (0.5 m) and `start_heading_error` (2°) to either side.
+    `reset(options={"lateral_error": m, "heading_error": rad, "arc_length": m, "road_index": i})` fixes any of it.
+
+    ## Episode End
+
+    Terminates when the centre of gravity is more than half a `lane_width` (3.5 m) from the lane's centre
+    (`departure="terminate"`; `"cost"` charges and goes on, `"off"` ignores it). Truncated after 600
+    steps of 0.05 s.
+
+    ## Arguments
+
+    Every field of `lanekeep_env.LaneKeepScenario`: vehicle, dynamics, tyre, friction, road, speed, action,
+    max_steering_angle, max_steering_rate, start_lateral_error, start_heading_error, lane_width,
+    departure, cost_weight, reference_steering_rate, cost_cap, preview, preview_interval, observation,
+    control_step, duration; and dtype ("float64" or "float32"), the precision of the simulation.
+
+    ```python
+    gym.make("lanekeep/LaneKeep-v0", vehicle="commonroad-2", tyre="magic_formula", road={"kind": "circle", "radius": 200})
+    ```
+
+    ## Vectorized environment
+
+    ```python
+    gym.make_vec("lanekeep/LaneKeep-v0", num_envs=1024, vectorization_mode="vector_entry_point", dtype="float32", num_threads=2)
+    ```
+
+    Lane i after `reset(seed=s)` follows the single environment after `reset(seed=s + i)`.
+
+    ## Version History
+
+    * v0: first version.
+    """
+
+    metadata = {"render_modes": [], "render_fps": 20}
+
+    def __init__(self, *, render_mode: str | None = None, dtype: str = "float64", **scenario: Any) -> None:
+        check_modes(render_mode, dtype)
+        self.render_mode = render_mode
+        self.scenario = LaneKeepScenario.from_keywords(**scenario)
+        self.observation_space = observation_space(self.scenario)
+        self.action_space = Box(-1.0, 1.0, (1,), dtype=np.float32)
+        self._core = RoadLanes(self.scenario, 1, dtype)
+        self._action = np.zeros(1, dtype=np.float32)
+        self._observation = np.zeros((1, self._core.num_channels), dtype=np.float32)
+        self._outcome = np.zeros((at.OUTCOME_ROWS, 1), dtype=dtype)
+        self._bind()
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Name, unit, bounds and meaning of each entry of the observation."""
+        return self.scenario.channels
+
+    def road_set(self) -> tuple[tuple[Road, np.ndarray], ...]:
+        """The roads an episode is drawn from, each with its node speeds in m/s."""
+        return self._core.road_set()
+
+    @property
+    def clipped_actions(self) -> int:
+        """Actions outside [-1, 1] since the environment was made."""
+        return int(self._core.counters[at.CLIPPED, 0])
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start an episode: the first one of ``seed``, or the next one of the running sequence."""
+        super().reset(seed=seed)
+        core = self._core
+        if seed is not None or not core.seeded:
+            core.set_key(0, self.np_random)
+            core.seeded = True
+        core.reset(options, np.ones(1, dtype=np.bool_), self._observation, self._outcome)
+        self._bind()
+        return self._seen.copy(), self._told()[2]
+
+    def _bind(self) -> None:
+        """Keep views and the kernel's arguments at hand: making them at each step costs a third of its time."""
+        core = self._core
+        self._seen, self._truth = self._observation[0], self._outcome[:, 0]
+        if core.seeded:
+            state = (core.lanes, core.counters, core.road, core.roads, core.settings)
+            self._arguments = (0, 1, *state, self._action, self._observation, self._outcome, _NO_FINAL[core.dtype])
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Views would come back as copies.
+        return {k: v for k, v in self.__dict__.items() if k not in ("_seen", "_truth", "_arguments")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._bind()
+
+    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Advance by one control step; see the class's docstring."""
+        given = action if isinstance(action, np.ndarray) else np.asarray(action, dtype=np.float32)
+        if given.shape != (1,):
+            raise ValueError(f"action={action!r} has shape {given.shape}; it must have shape (1,), in [-1, 1]")
+        value = given.item()
+        if value != value:
+            raise ValueError(f"action={action!r} is NaN; it must be a number in [-1, 1]")
+        self._action[0] = value
+        try:
+            self._core.step(*self._arguments)
+        except AttributeError:
+            raise gym.error.ResetNeeded("call reset() before step()") from None
+        reward, terminated, info = self._told()
+        return self._seen.copy(), reward, terminated, False, info
+
+    def _told(self) -> tuple[float, bool, dict[str, Any]]:
+        """Reward, termination and info of the last kernel call."""
+        reward, ended, _, lateral, heading, acceleration, rate, speed, station, cost, success = self._truth.tolist()
+        return (
+            reward,
+            ended > 0.0,
+            {
+                "lateral_error": lateral,
+                "heading_error": heading,
+                "lateral_acceleration": acceleration,
+                "steering_rate": rate,
+                "speed": speed,
+                "arc_length": station,
+                "cost": cost,
+                "is_success": success > 0.0,
+                "termination": int(ended),
+            },
+        )
+
+
+def check_modes(render_mode: str | None, dtype: str) -> None:
+    """Raise ValueError for a render mode or precision that does not exist."""
+    if render_mode is not None:
+        raise ValueError(f"render_mode={render_mode!r} is not available; allowed: None")
+    if dtype not in _NO_FINAL:
+        raise ValueError(f"dtype={dtype!r} is unknown; allowed: {', '.join(_NO_FINAL)}")

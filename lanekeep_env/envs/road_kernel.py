@@ -1,0 +1,307 @@
+"""The compiled step of every environment on a road: one kernel for one car and for thousands.
+
+A step runs command -> actuator and vehicle (sub-steps) -> path coordinates -> reward -> observation ->
+reset, block by block, so that a block's rows stay in the first-level cache. Loops over a block's rows
+become SIMD code; what differs from lane to lane (crossing a segment, starting an episode) is scalar.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import prange
+
+from lanekeep_env import layout as at
+from lanekeep_env.compile import helper, kernel
+from lanekeep_env.envs.road_start import cross_segments, start_lane
+from lanekeep_env.physics.integrate import (
+    advance_kinematic,
+    advance_linear,
+    advance_magic_formula,
+    show_kinematic,
+    show_linear,
+    show_magic_formula,
+)
+from lanekeep_env.physics.numeric import clip, like
+from lanekeep_env.tasks.lane_keeping import judge
+
+
+@helper
+def _command(k, lanes, counters, settings, action):
+    """Turn the actions into commands that enter the actuator, count what had to be clipped; return the sub-steps."""
+    first = k * lanes.shape[2]
+    n = min(lanes.shape[2], action.shape[0] - first)
+    limit, scale = settings[at.COMMAND_LIMIT], settings[at.ACTION_SCALE]
+    one, zero = like(limit, 1.0), like(limit, 0.0)
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    as_rate = settings[at.ACTION_KIND] > zero
+    block, clipped_ = lanes[k], counters[at.CLIPPED]
+    command_, before_, steer_ = block[at.COMMAND], block[at.STEER_BEFORE], block[at.STEER]
+    for i in range(n):
+        given = like(limit, action[first + i])
+        clipped_[first + i] += abs(given) > one
+        wish = clip(given, -one, one) * scale
+        integrated = command_[i] + wish * seconds
+        command_[i] = clip(integrated if as_rate else wish, -limit, limit)
+        before_[i] = steer_[i]
+    if block.shape[0] > at.HISTORY:
+        _delay(block, settings)
+    return np.int64(settings[at.SUBSTEPS])
+
+
+@helper
+def _delay(lanes, settings):
+    """Push the commands into the delay line.
+
+    A command DELAY_WHOLE steps old acts, and for the first DELAY_PART sub-steps the one before it.
+    """
+    depth = lanes.shape[0] - at.HISTORY
+    whole = np.int64(settings[at.DELAY_WHOLE])
+    before = min(whole + 1, depth - 1)
+    for i in range(lanes.shape[1]):
+        for k in range(depth - 1, 0, -1):
+            lanes[at.HISTORY + k, i] = lanes[at.HISTORY + k - 1, i]
+        lanes[at.HISTORY, i] = lanes[at.COMMAND, i]
+        lanes[at.DELAYED_THEN, i] = lanes[at.HISTORY + whole, i]
+        lanes[at.DELAYED_FIRST, i] = lanes[at.HISTORY + before, i]
+
+
+@helper
+def _acting(substep, lanes, settings):
+    """Row of the command that acts in a sub-step."""
+    if lanes.shape[1] == at.HISTORY:
+        return at.COMMAND
+    return at.DELAYED_FIRST if substep < np.int64(settings[at.DELAY_PART]) else at.DELAYED_THEN
+
+
+@helper
+def _judge(n, lanes, settings, reward_, terminated_, truncated_, rate_, cost_):
+    """Reward and flags of a block."""
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    half_lane, cap = settings[at.HALF_LANE], settings[at.COST_CAP]
+    horizon, last_step = settings[at.HORIZON], settings[at.MAX_STEPS]
+    weight, reference = settings[at.COST_WEIGHT], settings[at.COST_RATE]
+    ends = settings[at.DEPARTURE] == at.TERMINATE
+    ignores = settings[at.DEPARTURE] == at.OFF
+    d_, steer_, before_ = lanes[at.LATERAL], lanes[at.STEER], lanes[at.STEER_BEFORE]
+    step_, departed_ = lanes[at.STEP], lanes[at.DEPARTED]
+    zero, one = like(seconds, 0.0), like(seconds, 1.0)
+    for i in range(n):
+        step_[i] += one
+        rate = (steer_[i] - before_[i]) / seconds
+        reward, outside, terminated = judge(
+            d_[i], rate, horizon - step_[i], seconds, half_lane, weight, reference, cap, ends, ignores
+        )
+        departed = departed_[i]
+        departed_[i] = one if outside > zero else departed
+        reward_[i] = reward
+        terminated_[i] = terminated
+        truncated_[i] = one if step_[i] >= last_step else zero
+        rate_[i] = rate
+        cost_[i] = outside
+
+
+@helper
+def _report(first, last, lanes, outcome):
+    """Copy the truth that a state decides; lane i of the block is column i of ``outcome``."""
+    for i in range(first, last):
+        outcome[at.O_LATERAL_ERROR, i] = lanes[at.LATERAL, i]
+        outcome[at.O_HEADING_ERROR, i] = lanes[at.HEADING, i]
+        outcome[at.O_LATERAL_ACCELERATION, i] = lanes[at.ACCELERATION, i]
+        outcome[at.O_SPEED, i] = lanes[at.SPEED, i]
+        outcome[at.O_ARC_LENGTH, i] = lanes[at.STATION, i] + lanes[at.ALONG, i]
+        outcome[at.O_SUCCESS, i] = like(lanes[0, 0], 1.0) - lanes[at.DEPARTED, i]
+
+
+#: Channels that are rows of the state as they stand.
+STATE_CHANNELS = 6
+
+
+@helper
+def _preview(first, last, samples, lanes, counters, road, settings, observation):
+    """Write curvature at the car and ahead of it, along the road at the present speed."""
+    low, high = settings[at.BOUNDS + 2 * STATE_CHANNELS], settings[at.BOUNDS + 2 * STATE_CHANNELS + 1]
+    for i in range(first, last):
+        segment = counters[at.SEGMENT, i]
+        along = lanes[at.ALONG, i]
+        spacing = lanes[at.SPEED, i] * settings[at.PREVIEW_TIME]
+        for k in range(samples):
+            while along >= road[segment, at.R_LENGTH]:
+                along -= road[segment, at.R_LENGTH]
+                segment = np.int64(road[segment, at.R_NEXT])
+            kappa = road[segment, at.R_CURVATURE] + road[segment, at.R_CURVATURE_SLOPE] * along
+            observation[i, STATE_CHANNELS + k] = clip(kappa, low, high)
+            along += spacing
+
+
+@helper
+def _observe(first, last, lanes, counters, road, settings, observation):
+    """Write the observations of lanes; the order is that of `LaneKeepScenario.channels`."""
+    for channel in range(STATE_CHANNELS):
+        low, high = settings[at.BOUNDS + 2 * channel], settings[at.BOUNDS + 2 * channel + 1]
+        row = lanes[at.LATERAL + channel]
+        for i in range(first, last):
+            observation[i, channel] = clip(row[i], low, high)
+    samples = np.int64(settings[at.PREVIEW])
+    if samples > 0:
+        _preview(first, last, samples, lanes, counters, road, settings, observation)
+    if settings[at.FULL] > like(settings[0], 0.0):
+        channel = STATE_CHANNELS + samples
+        place = at.BOUNDS + 2 * channel
+        for i in range(first, last):
+            kappa = lanes[at.CURVATURE, i] + lanes[at.CURVATURE_SLOPE, i] * lanes[at.ALONG, i]
+            observation[i, channel] = clip(lanes[at.SIDESLIP, i], settings[place], settings[place + 1])
+            observation[i, channel + 1] = clip(kappa, settings[place + 2], settings[place + 3])
+            observation[i, channel + 2] = clip(lanes[at.ACCELERATION, i], settings[place + 4], settings[place + 5])
+
+
+@helper
+def _start(i, lateral, heading, station, road_index, lanes, counters, road, roads, settings, observation, outcome):
+    """Start the next episode of a lane: state, truth and observation."""
+    counters[at.EPISODE, i] += 1
+    start_lane(i, lateral, heading, station, road_index, lanes, counters, road, roads, settings)
+    zero = like(lanes[0, 0], 0.0)
+    outcome[at.O_STEERING_RATE, i] = zero
+    outcome[at.O_COST, i] = zero
+    _report(i, i + 1, lanes, outcome)
+    _observe(i, i + 1, lanes, counters, road, settings, observation)
+
+
+@helper
+def _restart(n, lanes, counters, road, roads, settings, observation, outcome, final):
+    """Start new episodes where the autoreset mode says so."""
+    mode = np.int64(settings[at.AUTORESET])
+    zero, one, nan = like(lanes[0, 0], 0.0), like(lanes[0, 0], 1.0), np.nan
+    for i in range(n):
+        starts = False
+        if mode == at.NEXT_STEP and lanes[at.DONE, i] > zero:
+            # This step only starts the new episode; what it integrated is thrown away.
+            outcome[at.O_REWARD, i] = zero
+            outcome[at.O_TERMINATED, i] = zero
+            outcome[at.O_TRUNCATED, i] = zero
+            starts = True
+        elif outcome[at.O_TERMINATED, i] + outcome[at.O_TRUNCATED, i] > zero:
+            lanes[at.DONE, i] = one
+            if mode == at.SAME_STEP:
+                for row in range(at.OUTCOME_ROWS):
+                    final[i, row] = outcome[row, i]
+                for channel in range(observation.shape[1]):
+                    final[i, at.OUTCOME_ROWS + channel] = observation[i, channel]
+                starts = True
+        if starts:
+            _start(i, nan, nan, nan, nan, lanes, counters, road, roads, settings, observation, outcome)
+
+
+@helper
+def _finish(k, lanes, counters, road, roads, settings, action, observation, outcome, final):
+    """Judge the step of block ``k``, tell its truth and observations, start the next episodes."""
+    first = k * lanes.shape[2]
+    last = min(first + lanes.shape[2], action.shape[0])
+    n, block, counted, told, seen = (
+        last - first,
+        lanes[k],
+        counters[:, first:last],
+        outcome[:, first:last],
+        observation[first:last],
+    )
+    _judge(
+        n,
+        block,
+        settings,
+        outcome[at.O_REWARD][first:last],
+        outcome[at.O_TERMINATED][first:last],
+        outcome[at.O_TRUNCATED][first:last],
+        outcome[at.O_STEERING_RATE][first:last],
+        outcome[at.O_COST][first:last],
+    )
+    begin = np.int64(0)  # a literal would be a type of its own and compile both functions twice
+    _report(begin, n, block, told)
+    _observe(begin, n, block, counted, road, settings, seen)
+    _restart(n, block, counted, road, roads, settings, seen, told, final[first:last])
+
+
+# One control step of the blocks ``begin`` to ``end``; one kernel a vehicle model, so that a process
+# compiles only what it uses. ``final`` (n, OUTCOME_ROWS + channels) receives what a lane's last step gave
+# where the same step already starts the next episode. numba's cache wants kernels spelled out.
+
+
+@kernel()
+def step_kinematic(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+    for k in range(begin, end):
+        for substep in range(_command(k, lanes, counters, settings, action)):
+            advance_kinematic(lanes[k], _acting(substep, lanes, settings), settings)
+            cross_segments(k, lanes, counters, road)
+        show_kinematic(lanes[k])
+        _finish(k, lanes, counters, road, roads, settings, action, observation, outcome, final)
+
+
+@kernel()
+def step_linear(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+    for k in range(begin, end):
+        for substep in range(_command(k, lanes, counters, settings, action)):
+            advance_linear(lanes[k], _acting(substep, lanes, settings), settings)
+            cross_segments(k, lanes, counters, road)
+        show_linear(lanes[k])
+        _finish(k, lanes, counters, road, roads, settings, action, observation, outcome, final)
+
+
+@kernel()
+def step_magic_formula(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+    for k in range(begin, end):
+        for substep in range(_command(k, lanes, counters, settings, action)):
+            advance_magic_formula(lanes[k], _acting(substep, lanes, settings), settings)
+            cross_segments(k, lanes, counters, road)
+        show_magic_formula(lanes[k])
+        _finish(k, lanes, counters, road, roads, settings, action, observation, outcome, final)
+
+
+@kernel(parallel=True)
+def step_kinematic_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+    for k in prange(begin, end):
+        step_kinematic(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome, final)
+
+
+@kernel(parallel=True)
+def step_linear_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+    for k in prange(begin, end):
+        step_linear(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome, final)
+
+
+@kernel(parallel=True)
+def step_magic_formula_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+    for k in prange(begin, end):
+        step_magic_formula(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome, final)
+
+
+#: Kernel of one control step by vehicle model, on one thread and on several.
+STEP = {at.KINEMATIC: step_kinematic, at.LINEAR: step_linear, at.MAGIC_FORMULA: step_magic_formula}
+STEP_PARALLEL = {
+    at.KINEMATIC: step_kinematic_parallel,
+    at.LINEAR: step_linear_parallel,
+    at.MAGIC_FORMULA: step_magic_formula_parallel,
+}
+
+
+@kernel()
+def reset(mask, start, lanes, counters, road, roads, settings, observation, outcome):
+    """Start the next episode where ``mask`` is set; ``start`` (4, n) fixes what is not NaN."""
+    size = lanes.shape[2]
+    for k in range(mask.shape[0]):
+        if mask[k]:
+            first = k // size * size
+            last = first + size
+            for row in (at.O_REWARD, at.O_TERMINATED, at.O_TRUNCATED):
+                outcome[row, k] = like(outcome[0, 0], 0.0)
+            _start(
+                k - first,
+                start[0, k],
+                start[1, k],
+                start[2, k],
+                start[3, k],
+                lanes[k // size],
+                counters[:, first:last],
+                road,
+                roads,
+                settings,
+                observation[first:last],
+                outcome[:, first:last],
+            )

@@ -1,0 +1,228 @@
+"""The arrays behind an environment on a road: n cars, their roads and settings, and calls of the kernel."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import seeding
+
+from lanekeep_env import layout as at
+from lanekeep_env.envs import road_kernel
+from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.roads import Road, RoadSpec, SpeedSpec, build_roads
+from lanekeep_env.scenario import INTEGRATION_STEP, LaneKeepScenario
+
+_MODELS = {
+    ("kinematic", "linear"): at.KINEMATIC,
+    ("kinematic", "magic_formula"): at.KINEMATIC,
+    ("dynamic", "linear"): at.LINEAR,
+    ("dynamic", "magic_formula"): at.MAGIC_FORMULA,
+}
+_ACTIONS = {"steering_angle": at.STEERING_ANGLE, "steering_rate": at.STEERING_RATE}
+_DEPARTURES = {"terminate": at.TERMINATE, "cost": at.COST, "off": at.OFF}
+#: Lanes that are advanced together: enough for SIMD, few enough for the first-level cache.
+BLOCK = 256
+#: What ``reset(options=...)`` may fix, in the order of the kernel's start rows.
+START_OPTIONS = ("lateral_error", "heading_error", "arc_length", "road_index")
+
+
+@functools.lru_cache(maxsize=16)
+def _road_set(road: RoadSpec, speed: SpeedSpec, fingerprint: str) -> tuple[tuple[Road, np.ndarray], ...]:
+    """Build the roads and their speeds once a process; ``fingerprint`` notices a changed file."""
+    return build_roads(road, speed)
+
+
+@functools.lru_cache(maxsize=16)
+def road_tables(
+    road: RoadSpec, speed: SpeedSpec, fingerprint: str, duration: float, dtype: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the kernel's tables of a road set: (segments, 8) in ``dtype`` and (roads, 3) in float64.
+
+    An open road goes on beyond its end with its last curvature and speed; episodes of ``duration``
+    seconds start so early that they do not get there, where the road is long enough.
+    """
+    segments, roads, first = [], [], 0
+    for geometry, speeds in _road_set(road, speed, fingerprint):
+        n = len(geometry.lengths)
+        squared = speeds**2
+        table = np.zeros((n + (not geometry.closed), at.ROAD_COLUMNS))
+        table[:n, at.R_LENGTH] = geometry.lengths
+        table[:n, at.R_CURVATURE] = geometry.curvature_start
+        table[:n, at.R_CURVATURE_SLOPE] = (geometry.curvature_end - geometry.curvature_start) / geometry.lengths
+        table[:n, at.R_SPEED_SQUARED] = squared[:-1]
+        table[:n, at.R_SPEED_SQUARED_SLOPE] = np.diff(squared) / geometry.lengths
+        table[:, at.R_NEXT] = first + np.arange(1, len(table) + 1)
+        table[:, at.R_STATION] = geometry.stations[: len(table)]
+        latest = geometry.length
+        if geometry.closed:
+            table[-1, at.R_NEXT] = first
+        else:
+            table[-1, at.R_LENGTH] = np.inf
+            table[-1, at.R_CURVATURE] = geometry.curvature_end[-1]
+            table[-1, at.R_SPEED_SQUARED] = squared[-1]
+            with np.errstate(divide="ignore"):
+                seconds = 2.0 * geometry.lengths / (speeds[:-1] + speeds[1:])
+            to_end = np.concatenate([np.cumsum(seconds[::-1])[::-1], [0.0]])
+            enough = np.flatnonzero(to_end >= duration)
+            latest = geometry.stations[enough[-1]] if len(enough) else 0.0
+        roads.append((first, len(table), latest))
+        segments.append(table)
+        first += len(table)
+    tables = np.concatenate(segments).astype(dtype), np.array(roads, dtype=np.float64)
+    for array in tables:
+        array.flags.writeable = False
+    return tables
+
+
+class RoadLanes:
+    """State and settings of n cars on roads, with the two calls of the compiled kernel.
+
+    Args:
+        scenario: what defines the environment.
+        num_lanes: n.
+        dtype: "float64" or "float32", the precision of the simulation.
+        autoreset: `layout.NO_AUTORESET`, `NEXT_STEP` or `SAME_STEP`.
+        max_steps: control steps after which a lane is truncated; None leaves that to others.
+    """
+
+    def __init__(
+        self,
+        scenario: LaneKeepScenario,
+        num_lanes: int,
+        dtype: str,
+        autoreset: int = at.NO_AUTORESET,
+        max_steps: int | None = None,
+    ) -> None:
+        self.scenario = scenario
+        for road, _ in self.road_set():
+            road.check_lane(scenario.lane_width / 2)
+        self.dtype = dtype
+        self.num_lanes = num_lanes
+        self.num_channels = len(scenario.channels)
+        self.settings = self._settings()
+        self.settings[at.AUTORESET] = autoreset
+        self.settings[at.MAX_STEPS] = max_steps or np.inf
+        delay_steps = round(scenario.vehicle.steering.delay / INTEGRATION_STEP)
+        substeps = round(scenario.control_step / INTEGRATION_STEP)
+        whole, part = divmod(delay_steps, substeps)
+        self.settings[at.DELAY_WHOLE], self.settings[at.DELAY_PART] = whole, part
+        depth = 0 if delay_steps == 0 else whole + 1 + (part > 0)
+        blocks = -(-num_lanes // BLOCK)
+        self.lanes = np.zeros((blocks, at.LANE_ROWS + depth, -(-num_lanes // blocks)), dtype=dtype)
+        self._free_start = np.full((at.START_ROWS, num_lanes), np.nan)
+        self.counters = np.zeros((at.COUNTER_ROWS, num_lanes), dtype=np.int64)
+        self.lanes[:, at.SEGMENT_LENGTH] = np.inf  # lanes that fill up the last block stand still
+        self._fill_car()
+        self.seeded = False
+        self._bind()
+
+    def _bind(self) -> None:
+        """Fetch what is not kept in a pickle: road tables (large, constant) and compiled functions."""
+        s = self.scenario
+        self.road, self.roads = road_tables(s.road, s.speed, s.road.fingerprint(), s.duration, self.dtype)
+        model = int(self.settings[at.MODEL])
+        self.step = road_kernel.STEP[model]
+        self.step_parallel = road_kernel.STEP_PARALLEL[model]
+
+    def _settings(self) -> np.ndarray:
+        s = self.scenario
+        values = np.zeros(at.BOUNDS + 2 * self.num_channels, dtype=self.dtype)
+        steering = s.vehicle.steering
+        rate_mode = s.action == "steering_rate"
+        values[at.STEP_TIME] = INTEGRATION_STEP
+        values[at.SUBSTEPS] = round(s.control_step / INTEGRATION_STEP)
+        values[at.MODEL] = _MODELS[s.dynamics, s.tyre]
+        values[at.IDEAL_STEERING] = steering.lag == 0.0 and steering.rate_limit is None
+        values[at.ACTION_KIND] = _ACTIONS[s.action]
+        values[at.ACTION_SCALE] = s.max_steering_rate if rate_mode else s.max_steering_angle
+        values[at.COMMAND_LIMIT] = min(s.max_steering_angle, steering.angle_limit or np.inf)
+        values[at.HALF_LANE] = s.lane_width / 2
+        values[at.DEPARTURE] = _DEPARTURES[s.departure]
+        values[at.COST_WEIGHT] = s.cost_weight
+        values[at.COST_RATE] = s.reference_steering_rate
+        values[at.COST_CAP] = s.cost_cap
+        values[at.PREVIEW] = s.preview
+        values[at.PREVIEW_TIME] = s.preview_interval
+        values[at.FULL] = s.observation == "full"
+        values[at.START_LATERAL] = s.start_lateral_error
+        values[at.START_HEADING] = s.start_heading_error
+        values[at.MASS] = s.vehicle.mass
+        values[at.HORIZON] = round(s.duration / s.control_step)
+        values[at.BOUNDS :] = s.channel_bounds().ravel()
+        return values
+
+    def _fill_car(self) -> None:
+        car, steering = self.scenario.vehicle, self.scenario.vehicle.steering
+        load = self.scenario.friction * car.mass * GRAVITY / car.wheelbase
+        half = INTEGRATION_STEP / 2
+        self.lanes[:, at.CAR : at.CAR + at.CAR_SIZE] = np.array(
+            [
+                car.cg_to_front_axle,
+                car.cg_to_rear_axle,
+                1.0 / car.mass,
+                1.0 / car.yaw_inertia,
+                car.front_cornering_stiffness,
+                car.rear_cornering_stiffness,
+                load * car.cg_to_rear_axle,
+                load * car.cg_to_front_axle,
+            ]
+        )[:, None]
+        self.lanes[:, at.STEER_RESPONSE] = 1.0 if steering.lag == 0.0 else -np.expm1(-half / steering.lag)
+        self.lanes[:, at.STEER_CHANGE] = np.inf if steering.rate_limit is None else steering.rate_limit * half
+
+    def seed(self, seeds: Sequence[int | None]) -> None:
+        """Give lane i the base key of ``seeds[i]``, the first draw of Gymnasium's generator for that seed."""
+        for i, seed in enumerate(seeds):
+            if seed is not None or not self.seeded:
+                self.set_key(i, seeding.np_random(seed)[0])
+        self.seeded = True
+
+    def set_key(self, lane: int, generator: np.random.Generator) -> None:
+        """Draw a lane's base key and start to count its episodes."""
+        self.counters[at.KEY, lane] = generator.integers(0, 2**64, dtype=np.uint64).astype(np.int64)
+        self.counters[at.EPISODE, lane] = -1
+
+    def reset(
+        self, options: dict[str, Any] | None, mask: np.ndarray, observation: np.ndarray, outcome: np.ndarray
+    ) -> None:
+        """Start the next episode of the lanes in ``mask`` (bool, (n,)), writing their observations and truth."""
+        start = self._start(options) if options else self._free_start
+        road_kernel.reset(
+            mask, start, self.lanes, self.counters, self.road, self.roads, self.settings, observation, outcome
+        )
+
+    def _start(self, options: dict[str, Any]) -> np.ndarray:
+        start = np.full((at.START_ROWS, self.num_lanes), np.nan)
+        lengths = np.array([road.length for road, _ in self.road_set()])
+        for key, value in options.items():
+            if key not in START_OPTIONS:
+                raise ValueError(f"reset option {key!r} is unknown; allowed: {', '.join(START_OPTIONS)}")
+            try:
+                start[START_OPTIONS.index(key)] = np.asarray(value, dtype=np.float64)
+            except (TypeError, ValueError):
+                raise ValueError(
+                    f"reset option {key}={value!r} must be a number or one number a lane ({self.num_lanes})"
+                ) from None
+        index, station = start[3], start[2]
+        if np.any((index < 0) | (index >= len(self.roads)) | (index % 1 > 0)):
+            raise ValueError(f"reset option road_index must be a whole number from 0 to {len(self.roads) - 1}")
+        if np.any((station < 0) | (station > lengths.min())):
+            raise ValueError(f"reset option arc_length must be from 0 to {lengths.min():.1f} m")
+        if np.any(np.abs(start[:2]) > [[20.0], [np.pi]]):
+            raise ValueError("reset options lateral_error and heading_error must be within 20 m and pi rad")
+        return start
+
+    def road_set(self) -> tuple[tuple[Road, np.ndarray], ...]:
+        """The roads with their node speeds (m/s), as built for this scenario."""
+        s = self.scenario
+        return _road_set(s.road, s.speed, s.road.fingerprint())
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {k: v for k, v in self.__dict__.items() if k not in ("road", "roads", "step", "step_parallel")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._bind()

@@ -1,0 +1,12 @@
+"""Why an episode ended."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Termination(IntEnum):
+    """Code of ``info["termination"]``; a time limit is not a termination but a truncation."""
+
+    NONE = 0
+    LANE_DEPARTURE = 1

@@ -1,0 +1,157 @@
+"""Vehicles: the numbers of a single-track car and of its steering, with their sources.
+
+Every record is frozen and checked when it is built, so that a wrong number is found where it was
+written and not a thousand steps later as a NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from lanekeep_env.checks import from_mapping, nearest, require
+
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class SteeringActuator:
+    """What stands between the steering command and the road wheel; everything is off by default.
+
+    Attributes:
+        lag: time constant of the first-order lag (PT1) in s, 0 for none.
+        rate_limit: largest speed of the road wheel in rad/s, None for none.
+        angle_limit: largest road-wheel angle in rad, either side, None for none.
+        delay: transport delay of the command in s, a multiple of the 10 ms integration step.
+    """
+
+    lag: float = 0.0
+    rate_limit: float | None = None
+    angle_limit: float | None = None
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        require("steering.lag", self.lag, "s", at_least=0.0)
+        require("steering.rate_limit", self.rate_limit, "rad/s", above=0.0, optional=True)
+        require("steering.angle_limit", self.angle_limit, "rad", above=0.0, at_most=1.5, optional=True)
+        require("steering.delay", self.delay, "s", at_least=0.0, at_most=2.0)
+
+
+@dataclass(frozen=True)
+class VehicleParameters:
+    """A single-track car (axles, not wheels; SI units; ISO 8855 axes).
+
+    Attributes:
+        name: what tables and files call it.
+        mass: kg.
+        yaw_inertia: about the vertical axis through the centre of gravity, kg m².
+        cg_to_front_axle: distance from the centre of gravity to the front axle, m.
+        cg_to_rear_axle: distance from the centre of gravity to the rear axle, m.
+        front_cornering_stiffness: of the whole front axle, N/rad.
+        rear_cornering_stiffness: of the whole rear axle, N/rad.
+        steering_ratio: steering-wheel angle over road-wheel angle.
+        steering: the actuator between the command and the road wheel.
+        length, width: of the body, m (pictures and clearances).
+        source: where the numbers come from.
+    """
+
+    name: str
+    mass: float
+    yaw_inertia: float
+    cg_to_front_axle: float
+    cg_to_rear_axle: float
+    front_cornering_stiffness: float
+    rear_cornering_stiffness: float
+    steering_ratio: float = 1.0
+    steering: SteeringActuator = field(default_factory=SteeringActuator)
+    length: float = 4.5
+    width: float = 1.8
+    source: str = "user"
+
+    def __post_init__(self) -> None:
+        require("vehicle.mass", self.mass, "kg", above=0.0)
+        require("vehicle.yaw_inertia", self.yaw_inertia, "kg m²", above=0.0)
+        require("vehicle.cg_to_front_axle", self.cg_to_front_axle, "m", above=0.0)
+        require("vehicle.cg_to_rear_axle", self.cg_to_rear_axle, "m", above=0.0)
+        require("vehicle.front_cornering_stiffness", self.front_cornering_stiffness, "N/rad", above=0.0)
+        require("vehicle.rear_cornering_stiffness", self.rear_cornering_stiffness, "N/rad", above=0.0)
+        require("vehicle.steering_ratio", self.steering_ratio, "", above=0.0)
+        require("vehicle.length", self.length, "m", above=0.0)
+        require("vehicle.width", self.width, "m", above=0.0)
+
+    @property
+    def wheelbase(self) -> float:
+        """Distance between the axles, m."""
+        return self.cg_to_front_axle + self.cg_to_rear_axle
+
+
+def _commonroad(
+    number: int, mass: float, inertia: float, front: float, rear: float, size: tuple[float, float], angle: float
+) -> VehicleParameters:
+    """A CommonRoad vehicle; its normalised stiffness C_S becomes C = mu C_S m g l_other / l."""
+    friction, slip_stiffness = 1.0489, 21.92 / 1.0489
+    scale = friction * slip_stiffness * mass * GRAVITY / (front + rear)
+    return VehicleParameters(
+        name=f"commonroad-{number}",
+        mass=mass,
+        yaw_inertia=inertia,
+        cg_to_front_axle=front,
+        cg_to_rear_axle=rear,
+        front_cornering_stiffness=scale * rear,
+        rear_cornering_stiffness=scale * front,
+        steering=SteeringActuator(rate_limit=0.4, angle_limit=angle),
+        length=size[0],
+        width=size[1],
+        source=f"CommonRoad vehicle models 2020a, vehicle {number} (Althoff, Koschi, Manzinger 2017)",
+    )
+
+
+VEHICLES: dict[str, VehicleParameters] = {
+    car.name: car
+    for car in (
+        VehicleParameters(
+            name="yin",
+            mass=1700.0,
+            yaw_inertia=2700.0,
+            cg_to_front_axle=1.3,
+            cg_to_rear_axle=1.5,
+            front_cornering_stiffness=61850.0,
+            rear_cornering_stiffness=107665.0,
+            steering_ratio=16.0,
+            steering=SteeringActuator(lag=1.0 / 11.16),
+            source="Yin 2010, decoded from the printed gains at 25 m/s: b2 = 1.861 1/s², a22 = -128.4 m/s²",
+        ),
+        _commonroad(1, 1225.8878467253344, 1538.8533713561394, 0.88392, 1.50876, (4.298, 1.674), 0.91),
+        _commonroad(2, 1093.2952334674046, 1791.5995300122856, 1.1561957064, 1.4227170936, (4.508, 1.61), 1.066),
+        _commonroad(3, 1478.8979637767998, 2473.1176915564442, 1.1507916024, 1.3211363976, (4.569, 1.844), 1.023),
+    )
+}
+
+
+def vehicle_from(value: str | Mapping[str, Any] | VehicleParameters) -> VehicleParameters:
+    """Read a vehicle: a name, a record, or a mapping of changes to a named one (``base``, "yin" if absent).
+
+    Raises:
+        ValueError: unknown name or field (the nearest valid one is named), or a value out of range.
+    """
+    if isinstance(value, VehicleParameters):
+        return value
+    if isinstance(value, str):
+        if value not in VEHICLES:
+            raise ValueError(f"vehicle={value!r} is unknown{nearest(value, VEHICLES)}; allowed: {', '.join(VEHICLES)}")
+        return VEHICLES[value]
+    if not isinstance(value, Mapping):
+        raise ValueError(f"vehicle={value!r} must be a name, a mapping of fields or VehicleParameters")
+    changes = dict(value)
+    base = vehicle_from(changes.pop("base", "yin"))
+    if isinstance(changes.get("steering"), Mapping):
+        changes["steering"] = from_mapping(SteeringActuator, changes["steering"], "vehicle.steering")
+    changes.setdefault("name", f"{base.name} (changed)" if changes else base.name)
+    unknown = [key for key in changes if key not in VehicleParameters.__dataclass_fields__]
+    if unknown:
+        fields = VehicleParameters.__dataclass_fields__
+        raise ValueError(
+            f"vehicle has no field {unknown[0]!r}{nearest(unknown[0], fields)}; allowed: base, {', '.join(fields)}"
+        )
+    return replace(base, **changes)

@@ -1,0 +1,21 @@
+"""One row an environment id."""
+
+from __future__ import annotations
+
+from gymnasium.envs.registration import register, registry
+
+#: id: (single environment, vector environment, control steps of an episode)
+ENVIRONMENTS: dict[str, tuple[str, str, int]] = {
+    "lanekeep/LaneKeep-v0": (
+        "lanekeep_env.envs.lane_keep:LaneKeepEnv",
+        "lanekeep_env.envs.lane_keep_vector:LaneKeepVectorEnv",
+        600,
+    ),
+}
+
+
+def register_all() -> None:
+    """Register every environment with Gymnasium; a second call changes nothing."""
+    for name, (single, vector, steps) in ENVIRONMENTS.items():
+        if name not in registry:
+            register(name, entry_point=single, vector_entry_point=vector, max_episode_steps=steps)

@@ -1,0 +1,27 @@
+"""Roads: piecewise-linear curvature over arc length, generators, file reader, speed along them."""
+
+from lanekeep_env.roads.file import read_road
+from lanekeep_env.roads.generators import CircleRoad, RandomRoads, SineRoad, SlalomRoad, StraightRoad, YinRoad
+from lanekeep_env.roads.road import Road
+from lanekeep_env.roads.specs import ROADS, RoadFile, RoadSpec, build_roads, road_from
+from lanekeep_env.roads.speed import ConstantSpeed, LimitedSpeed, SpeedSpec, speed_from
+
+__all__ = [
+    "ROADS",
+    "CircleRoad",
+    "ConstantSpeed",
+    "LimitedSpeed",
+    "RandomRoads",
+    "Road",
+    "RoadFile",
+    "RoadSpec",
+    "SineRoad",
+    "SlalomRoad",
+    "SpeedSpec",
+    "StraightRoad",
+    "YinRoad",
+    "build_roads",
+    "read_road",
+    "road_from",
+    "speed_from",
+]

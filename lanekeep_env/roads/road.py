@@ -1,0 +1,170 @@
+"""A road's centre line: curvature, piecewise linear over arc length, and the geometry that follows from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+# Ten-point Gauss-Legendre integrates the position over a turn of up to 1 rad to rounding.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
+
+
+@dataclass(frozen=True, eq=False)
+class Road:
+    """Segments of linear curvature (straights, arcs, clothoids); the curvature may jump between them.
+
+    Attributes:
+        name: what tables and plots call it.
+        lengths: of the segments, m, (n,).
+        curvature_start, curvature_end: of each segment, 1/m, left positive, (n,).
+        closed: the end is the start.
+        origin: x (m), y (m) and heading (rad) of the start.
+        fit_error: largest distance of a given point from the road, m (roads read from files).
+        given: the points that the road was fitted to, m, (m, 2), or None.
+
+    Beyond the end of an open road its last curvature goes on; a closed road repeats.
+    """
+
+    name: str
+    lengths: Floats
+    curvature_start: Floats
+    curvature_end: Floats
+    closed: bool = False
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    fit_error: float = 0.0
+    given: Floats | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        for key in ("lengths", "curvature_start", "curvature_end"):
+            values = np.array(getattr(self, key), dtype=np.float64)
+            values.flags.writeable = False
+            object.__setattr__(self, key, values)
+        if not (self.lengths.shape == self.curvature_start.shape == self.curvature_end.shape) or len(self.lengths) == 0:
+            raise ValueError(f"road {self.name!r} needs equally many lengths and curvatures, at least one")
+        if not (np.isfinite(self.lengths).all() and (self.lengths > 0).all()):
+            raise ValueError(f"road {self.name!r} has a segment length that is not a finite number > 0 m")
+        if not np.isfinite(self.curvature_start + self.curvature_end).all():
+            raise ValueError(f"road {self.name!r} has a curvature that is not a finite number")
+
+    @cached_property
+    def stations(self) -> Floats:
+        """Arc length at the segment borders, m, (n + 1,)."""
+        return np.concatenate([[0.0], np.cumsum(self.lengths)])
+
+    @property
+    def length(self) -> float:
+        """Total arc length, m."""
+        return float(self.stations[-1])
+
+    @cached_property
+    def headings(self) -> Floats:
+        """Heading at the segment borders, rad, not wrapped, (n + 1,)."""
+        turns = 0.5 * (self.curvature_start + self.curvature_end) * self.lengths
+        return self.origin[2] + np.concatenate([[0.0], np.cumsum(turns)])
+
+    @cached_property
+    def points(self) -> Floats:
+        """Position of the segment borders, m, (n + 1, 2)."""
+        slope = (self.curvature_end - self.curvature_start) / self.lengths
+        chords = _chords(self.headings[:-1], self.curvature_start, slope, self.lengths)
+        return np.array(self.origin[:2]) + np.vstack([np.zeros((1, 2)), np.cumsum(chords, axis=0)])
+
+    @property
+    def peak_curvature(self) -> float:
+        """Largest |curvature|, 1/m."""
+        return float(max(np.abs(self.curvature_start).max(), np.abs(self.curvature_end).max()))
+
+    def curvature(self, s: ArrayLike) -> Floats:
+        """Curvature at arc length ``s`` (m), 1/m."""
+        index, along, _ = self._locate(s)
+        return self._extended[0][index] + self._extended[1][index] * along
+
+    def heading(self, s: ArrayLike) -> Floats:
+        """Heading at arc length ``s`` (m), rad, not wrapped."""
+        index, along, laps = self._locate(s)
+        start, slope = self._extended
+        turn = laps * (self.headings[-1] - self.headings[0])
+        return turn + self.headings[index] + (start[index] + 0.5 * slope[index] * along) * along
+
+    def position(self, s: ArrayLike, lateral: ArrayLike = 0.0) -> Floats:
+        """Position ``lateral`` metres left of the centre line at arc length ``s`` (m): (..., 2), m."""
+        index, along, _ = self._locate(s)
+        start, slope = self._extended
+        chord = _chords(self.headings[index], start[index], slope[index], along)
+        heading = self.headings[index] + (start[index] + 0.5 * slope[index] * along) * along
+        normal = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
+        return self.points[index] + chord + np.asarray(lateral, dtype=np.float64)[..., None] * normal
+
+    @cached_property
+    def _extended(self) -> tuple[Floats, Floats]:
+        """Start curvature and slope of the segments, with one more that goes on beyond the end."""
+        slope = (self.curvature_end - self.curvature_start) / self.lengths
+        return np.append(self.curvature_start, self.curvature_end[-1]), np.append(slope, 0.0)
+
+    def _locate(self, s: ArrayLike) -> tuple[NDArray[np.intp], Floats, Floats]:
+        """Segment, distance from its start and completed laps."""
+        s = np.asarray(s, dtype=np.float64)
+        laps = np.floor(s / self.length) if self.closed else np.zeros_like(s)
+        s = s - laps * self.length
+        last = len(self.lengths) - 1 if self.closed else len(self.lengths)
+        index = np.clip(np.searchsorted(self.stations, s, side="right") - 1, 0, last)
+        return index, s - self.stations[index], laps
+
+    def refined(self, max_length: ArrayLike) -> Road:
+        """Return the same curve with no segment longer than ``max_length`` (m; one number or one a segment)."""
+        pieces = np.maximum(1, np.ceil(self.lengths / np.asarray(max_length) - 1e-9)).astype(np.intp)
+        owner = np.repeat(np.arange(len(pieces)), pieces)
+        part = np.arange(len(owner)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        rise = (self.curvature_end - self.curvature_start)[owner] / pieces[owner]
+        start = self.curvature_start[owner] + rise * part
+        return replace(
+            self, lengths=(self.lengths / pieces)[owner], curvature_start=start, curvature_end=start + rise
+        )
+
+    def check_lane(self, half_width: float) -> None:
+        """Raise ValueError where the road turns so tightly that a lane of that half width folds over itself."""
+        peaks = np.maximum(np.abs(self.curvature_start), np.abs(self.curvature_end))
+        tightest = int(np.argmax(peaks))
+        if peaks[tightest] * half_width >= 1.0:
+            raise ValueError(
+                f"road {self.name!r} has a radius of {1 / peaks[tightest]:.3g} m at s = {self.stations[tightest]:.1f} m; "
+                f"a lane {2 * half_width:g} m wide needs more than {half_width:g} m"
+            )
+
+
+def _chords(heading: Floats, curvature: Floats, slope: Floats, length: Floats) -> Floats:
+    """Displacement over clothoid pieces of given start heading, curvature, its slope and length: (..., 2), m."""
+    turn = (np.abs(curvature) + np.abs(slope * length)) * np.abs(length)
+    pieces = max(1, int(np.ceil(turn.max(initial=0.0))))
+    step = np.asarray(length / pieces)[..., None]
+    total = np.zeros((*np.shape(length), 2))
+    for piece in range(pieces):
+        x = step * (piece + 0.5 * (_NODES + 1.0))
+        angle = heading[..., None] + (curvature[..., None] + 0.5 * slope[..., None] * x) * x
+        weights = 0.5 * step * _WEIGHTS
+        total[..., 0] += (weights * np.cos(angle)).sum(axis=-1)
+        total[..., 1] += (weights * np.sin(angle)).sum(axis=-1)
+    return total
+
+
+def fitted(name: str, stations: Floats, curvatures: Floats, headings: Floats) -> Road:
+    """Return the piecewise-linear road through a smooth curve, with the curve's headings at the borders kept exactly.
+
+    Each segment takes the slope between its ends and is shifted by a constant so that its turn is the
+    true one; headings then do not drift, and positions by the fourth order of the segment length only.
+    The price is a jump of second order between segments.
+
+    Args:
+        name: the road's.
+        stations: arc length of the borders, m, (n + 1,).
+        curvatures: of the curve there, 1/m, (n + 1,).
+        headings: of the curve there, rad, (n + 1,).
+    """
+    lengths = np.diff(stations)
+    shift = np.diff(headings) / lengths - 0.5 * (curvatures[:-1] + curvatures[1:])
+    return Road(name, lengths, curvatures[:-1] + shift, curvatures[1:] + shift, origin=(0.0, 0.0, float(headings[0])))

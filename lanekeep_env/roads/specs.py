@@ -1,0 +1,93 @@
+"""Roads by name, by settings or by file: reading them, and building a road set with its speeds."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from lanekeep_env.checks import from_mapping, nearest
+from lanekeep_env.roads.file import read_road
+from lanekeep_env.roads.generators import (
+    CircleRoad,
+    RandomRoads,
+    RoadRecord,
+    SineRoad,
+    SlalomRoad,
+    StraightRoad,
+    YinRoad,
+)
+from lanekeep_env.roads.road import Floats, Road
+from lanekeep_env.roads.speed import SpeedSpec
+
+
+@dataclass(frozen=True)
+class RoadFile(RoadRecord):
+    """The centre line of a CSV file (see `read_road` for the format).
+
+    Attributes:
+        path: of the file.
+        closed: None to tell from the distance between the last and the first point.
+    """
+
+    kind: ClassVar[str] = "file"
+    path: str
+    closed: bool | None = None
+
+    def fingerprint(self) -> str:
+        """Hash of the file's content and the closed flag; raises ValueError where there is no file."""
+        try:
+            content = Path(self.path).read_bytes()
+        except OSError as error:
+            raise ValueError(f"road file {self.path!r} cannot be read: {error.strerror}") from None
+        return f"file {hashlib.sha256(content).hexdigest()} closed={self.closed}"
+
+    def build(self) -> tuple[Road, ...]:
+        """One road, fitted to the file's points."""
+        return (read_road(self.path, self.closed),)
+
+
+RoadSpec = RoadRecord
+
+ROADS: dict[str, type[RoadRecord]] = {
+    record.kind: record
+    for record in (StraightRoad, CircleRoad, SlalomRoad, SineRoad, RandomRoads, YinRoad, RoadFile)
+}
+
+
+def road_from(value: str | Mapping[str, Any] | RoadRecord | Path) -> RoadRecord:
+    """Read a road: the name of a generator, the path of a CSV file, a mapping with ``kind``, or a record.
+
+    Raises:
+        ValueError: unknown name or setting (the nearest valid one is named), or a value out of range.
+    """
+    if isinstance(value, RoadRecord):
+        return value
+    if isinstance(value, Path) or (isinstance(value, str) and value not in ROADS and _is_path(value)):
+        return RoadFile(str(value))
+    if isinstance(value, str):
+        value = {"kind": value}
+    if not isinstance(value, Mapping):
+        raise ValueError(f"road={value!r} must be a name, a mapping with 'kind', or the path of a CSV file")
+    settings = dict(value)
+    kind = settings.pop("kind", None)
+    if kind not in ROADS:
+        generators = [name for name in ROADS if name != "file"]
+        raise ValueError(
+            f"road={kind!r} is unknown{nearest(str(kind), generators)}; "
+            f"allowed: {', '.join(generators)}, or the path of a CSV file"
+        )
+    if kind == "file" and "path" not in settings:
+        raise ValueError("road of kind 'file' needs 'path', the path of a CSV file")
+    return from_mapping(ROADS[kind], settings, f"road {kind!r}")
+
+
+def _is_path(text: str) -> bool:
+    return Path(text).suffix != "" or "/" in text or "\\" in text
+
+
+def build_roads(road: RoadRecord, speed: SpeedSpec) -> tuple[tuple[Road, Floats], ...]:
+    """Build a road set: each road with the speed at its segment borders, m/s."""
+    return tuple(speed.along(one, road.minimum_speed) for one in road.build())

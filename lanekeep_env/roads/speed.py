@@ -1,0 +1,111 @@
+"""Speed along a road: constant, or as fast as lateral and longitudinal acceleration allow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from lanekeep_env.checks import from_mapping, require
+from lanekeep_env.roads.road import Floats, Road
+
+
+@dataclass(frozen=True)
+class ConstantSpeed:
+    """The same speed everywhere.
+
+    Attributes:
+        speed: m/s, 0 allowed.
+    """
+
+    speed: float
+
+    def __post_init__(self) -> None:
+        require("speed", self.speed, "m/s", at_least=0.0, at_most=100.0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON-able values."""
+        return asdict(self)
+
+    def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
+        """Return the road and the speed at its segment borders, m/s, (n + 1,)."""
+        return road, np.full(len(road.lengths) + 1, float(self.speed))
+
+
+@dataclass(frozen=True)
+class LimitedSpeed:
+    """Speed under a limit of lateral acceleration, reached and left with limited longitudinal acceleration.
+
+    Attributes:
+        lateral_acceleration: largest v² |curvature|, m/s² (0.4 g as in Yin 2010).
+        maximum: m/s (180 km/h as in Yin 2010).
+        minimum: m/s, kept even where the lateral limit asks for less; None for the road's own (Yin's
+            road: 68 km/h, all others none).
+        acceleration, deceleration: largest longitudinal ones, m/s², both positive.
+    """
+
+    lateral_acceleration: float = 0.4 * 9.81
+    maximum: float = 50.0
+    minimum: float | None = None
+    acceleration: float = 2.0
+    deceleration: float = 3.0
+
+    def __post_init__(self) -> None:
+        require("speed.lateral_acceleration", self.lateral_acceleration, "m/s²", above=0.0)
+        require("speed.maximum", self.maximum, "m/s", above=0.0, at_most=100.0)
+        require("speed.minimum", self.minimum, "m/s", above=0.0, at_most=self.maximum, optional=True)
+        require("speed.acceleration", self.acceleration, "m/s²", above=0.0)
+        require("speed.deceleration", self.deceleration, "m/s²", above=0.0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON-able values."""
+        return asdict(self)
+
+    def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
+        """Return the road, cut finely enough, and the speed at its segment borders, m/s, (n + 1,).
+
+        v² is linear in arc length inside a segment (constant acceleration), curvature as well; a border is
+        held to the tightest curvature of both segments that meet there, so that v² |curvature| stays
+        within the limit everywhere and not at the borders only.
+        """
+        changing = road.curvature_start != road.curvature_end
+        road = road.refined(np.where(changing, 12.0, 30.0))
+        tightest = np.maximum(np.abs(road.curvature_start), np.abs(road.curvature_end))
+        with np.errstate(divide="ignore"):
+            limit = np.minimum(self.maximum**2, self.lateral_acceleration / tightest)
+        limit = np.maximum(limit, (self.minimum or minimum or 0.0) ** 2)
+        # A closed road is driven three times round; the middle lap knows what comes before and behind.
+        laps = 3 if road.closed else 1
+        limit = np.tile(limit, laps)
+        border = np.minimum(np.append(limit, limit[-1]), np.append(limit[0], limit))
+        station = np.concatenate([[0.0], np.cumsum(np.tile(road.lengths, laps))])
+        brake = 2.0 * self.deceleration * station
+        border = np.minimum.accumulate((border + brake)[::-1])[::-1] - brake
+        gain = 2.0 * self.acceleration * station
+        border = np.minimum.accumulate(border - gain) + gain
+        n = len(road.lengths)
+        squared = border[n : 2 * n + 1] if road.closed else border
+        return road, np.sqrt(squared)
+
+
+SpeedSpec = ConstantSpeed | LimitedSpeed
+
+
+def speed_from(value: float | Mapping[str, Any] | SpeedSpec | None) -> SpeedSpec:
+    """Read a speed: m/s, a mapping of `LimitedSpeed` (or ``{"speed": m/s}``), a record, or None for the default.
+
+    Raises:
+        ValueError: not one of these, an unknown field, or a value out of range.
+    """
+    if value is None:
+        return LimitedSpeed()
+    if isinstance(value, ConstantSpeed | LimitedSpeed):
+        return value
+    if isinstance(value, Mapping):
+        return from_mapping(ConstantSpeed if "speed" in value else LimitedSpeed, value, "speed")
+    if isinstance(value, Real):
+        return ConstantSpeed(float(value))
+    raise ValueError(f"speed={value!r} must be a number in m/s or a mapping of LimitedSpeed's fields")

@@ -1,0 +1,1 @@
+"""What a task asks: start states, costs and the end of an episode, as pure scalar functions."""

@@ -1,0 +1,70 @@
+"""The Stable-Baselines3 adapter against the single environments it stands for."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import lanekeep_env
+
+pytest.importorskip("stable_baselines3")
+from lanekeep_agents import sb3_vec_env  # noqa: E402
+
+
+@pytest.mark.parametrize("name", sorted(lanekeep_env.ENVIRONMENTS))
+def test_lanes_are_the_single_environments(name):
+    lanes = 5
+    venv = sb3_vec_env(name, lanes, max_episode_steps=25)
+    venv.seed(40)
+    observation = venv.reset()
+    singles = [gym.make(name, max_episode_steps=25) for _ in range(lanes)]
+    for i, env in enumerate(singles):
+        np.testing.assert_array_equal(env.reset(seed=40 + i)[0], observation[i])
+    rng = np.random.default_rng(0)
+    endings = {True: 0, False: 0}
+    for _ in range(80):
+        actions = rng.uniform(-0.4, 0.4, (lanes, 1)).astype(np.float32)
+        observation, rewards, dones, infos = venv.step(actions)
+        for i, env in enumerate(singles):
+            alone, reward, terminated, truncated, info = env.step(actions[i])
+            assert rewards[i] == reward and dones[i] == (terminated or truncated)
+            if dones[i]:
+                np.testing.assert_array_equal(infos[i]["terminal_observation"], alone)
+                assert infos[i]["TimeLimit.truncated"] == (truncated and not terminated)
+                assert infos[i]["lateral_error"] == info["lateral_error"]
+                endings[terminated] += 1
+                alone, _ = env.reset()
+            np.testing.assert_array_equal(observation[i], alone)
+    assert min(endings.values()) > 0
+
+
+def test_ppo_learns_from_it():
+    """A trivial task: on a straight road PPO must at least halve the cost of doing nothing sensible."""
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+    def make(seed):
+        env = sb3_vec_env("lanekeep/LaneKeep-v0", 64, road="straight", speed=25.0, max_episode_steps=100)
+        env.seed(seed)
+        return VecMonitor(env)
+
+    env = VecNormalize(make(0), norm_reward=True)
+    model = PPO("MlpPolicy", env, n_steps=50, batch_size=640, n_epochs=5, gamma=0.98, seed=0, device="cpu",
+                policy_kwargs={"log_std_init": -2.5, "net_arch": [32]}, learning_rate=3e-3)
+
+    def mean_return(policy):
+        test = make(10_000)
+        observation = test.reset()
+        total = np.zeros(64)
+        alive = np.ones(64, dtype=bool)
+        for _ in range(100):
+            action = policy(observation)
+            observation, rewards, dones, _ = test.step(action)
+            total += rewards * alive
+            alive &= ~dones
+        return total.mean()
+
+    before = mean_return(lambda o: model.predict(env.normalize_obs(o), deterministic=True)[0])
+    model.learn(100_000)
+    env.training = False
+    after = mean_return(lambda o: model.predict(env.normalize_obs(o), deterministic=True)[0])
+    assert after > 0.5 * before

@@ -1,0 +1,218 @@
+"""The command line from the outside: output, files, exit codes, one-line errors."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import lanekeep_baselines
+import lanekeep_env
+from lanekeep_benchmarks import speed as speed_module
+from lanekeep_benchmarks.__main__ import main
+from lanekeep_benchmarks.cli import app
+from lanekeep_benchmarks.report import COLUMNS
+
+RUNNER = CliRunner()
+BENCH = ["bench", "--policies", "pd,yin-lqr", "--episodes", "3"]
+
+
+@pytest.fixture
+def oval(tmp_path):
+    """A closed centre line: two straights of 200 m and two half circles of 80 m radius."""
+    turn = np.linspace(0.0, math.pi, 60, endpoint=False)
+    straight = np.linspace(0.0, 200.0, 40, endpoint=False)
+    x = np.concatenate([straight, 200 + 80 * np.sin(turn), 200 - straight, -80 * np.sin(turn)])
+    y = np.concatenate([0 * straight, 80 - 80 * np.cos(turn), 160 + 0 * straight, 80 + 80 * np.cos(turn)])
+    file = tmp_path / "oval.csv"
+    file.write_text("# x_m, y_m\n" + "".join(f"{a:.4f}, {b:.4f}\n" for a, b in zip(x, y, strict=True)))
+    return file
+
+
+@pytest.mark.parametrize("command", ["envs", "bench", "speed"])
+def test_help_shows_an_example(command):
+    result = RUNNER.invoke(app, [command, "--help"])
+    assert result.exit_code == 0
+    assert f"Example: lanekeep {command}" in result.output
+
+
+def test_envs_lists_every_id_with_its_channels():
+    assert all(env_id in RUNNER.invoke(app, ["envs"]).output for env_id in lanekeep_env.ENVIRONMENTS)
+    found = json.loads(RUNNER.invoke(app, ["envs", "--json"]).stdout)
+    assert [entry["id"] for entry in found] == sorted(lanekeep_env.ENVIRONMENTS)
+    channels = {channel["name"]: channel for channel in found[0]["channels"]}
+    assert channels["lateral_error"]["unit"] == "m"
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """One short run of the default suite: (folder, terminal output)."""
+    folder = tmp_path_factory.mktemp("bench") / "run"
+    result = RUNNER.invoke(app, [*BENCH, "--out", str(folder)])
+    assert result.exit_code == 0, result.output
+    return folder, result.output
+
+
+def test_bench_writes_lines_summary_tables_and_plots(finished):
+    folder, output = finished
+    lines = [json.loads(line) for line in (folder / "episodes.jsonl").read_text().splitlines()]
+    summary = json.loads((folder / "summary.json").read_text())
+    assert len(lines) == len(summary["scenarios"]) * 2 * 3
+    assert {line["version"] for line in lines} == {lanekeep_env.__version__}
+    assert set(lines[0]["metrics"]) == {column.key for column in COLUMNS}
+    for scenario in summary["scenarios"]:
+        picture = (folder / f"plot_episode_{scenario['scenario']}.png").read_bytes()
+        assert picture.startswith(b"\x89PNG") and len(picture) > 20_000
+        mine = [line for line in lines if (line["scenario"], line["policy"]) == (scenario["scenario"], "yin-lqr")]
+        mean = np.mean([line["metrics"]["rms_lateral_error"] for line in mine])
+        assert scenario["policies"][1]["metrics"]["rms_lateral_error"]["value"] == pytest.approx(mean)
+        assert scenario["title"] in output
+    assert (folder / "plot_errors.png").stat().st_size > 20_000
+    assert "| yin-lqr |" in (folder / "summary.md").read_text()
+    assert str(folder) in output
+
+
+def test_bench_repeats_itself(finished, tmp_path):
+    folder, _ = finished
+    assert main([*BENCH, "--out", str(tmp_path / "again")]) == 0
+    for name in ("episodes.jsonl", "summary.json", "summary.md"):
+        assert (tmp_path / "again" / name).read_bytes() == (folder / name).read_bytes()
+
+
+def test_bench_refuses_to_overwrite_and_does_so_when_told(finished, capsys):
+    folder, _ = finished
+    assert main([*BENCH, "--out", str(folder)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert str(folder) in error and "--overwrite" in error
+    assert main(["bench", "--policies", "pd", "--episodes", "1", "--out", str(folder), "--overwrite"]) == 0
+    lines = [json.loads(line) for line in (folder / "episodes.jsonl").read_text().splitlines()]
+    assert {line["policy"] for line in lines} == {"pd"}
+
+
+def test_bench_on_a_road_of_ones_own_drives_a_whole_lap(oval, tmp_path, capsys):
+    out = tmp_path / "out"
+    arguments = ["--road", str(oval), "--episodes", "2", "--policies", "yin-lqr-feedforward", "--json"]
+    assert main(["bench", *arguments, "--out", str(out)]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    (scenario,) = summary["scenarios"]
+    length = 400 + 2 * math.pi * 80
+    radius_speed = math.sqrt(0.4 * 9.81 * 80)
+    assert scenario["max_episode_steps"] * 0.05 == pytest.approx(length / radius_speed, rel=0.25)
+    assert scenario["policies"][0]["failures"] == 0
+    assert {file.name for file in out.glob("*.png")} == {
+        "plot_errors.png",
+        "plot_episode_oval.png",
+        "plot_map_oval.png",
+    }
+
+
+TRACKS = Path(__file__).parents[3] / "shared" / "data" / "tracks"
+
+
+@pytest.mark.skipif(not TRACKS.is_dir(), reason="the tracks are not shipped with the project")
+@pytest.mark.parametrize("track", ["Hockenheim", "Spielberg"])
+def test_real_tracks(track, tmp_path, capsys):
+    """A whole lap of hairpins: the feedforward stays in its lane, and no policy is short of steering angle."""
+    arguments = ["--policies", "yin-lqr-observer,yin-lqr-feedforward", "--episodes", "2", "--json"]
+    assert main(["bench", "--road", str(TRACKS / f"{track}.csv"), *arguments, "--out", str(tmp_path / "out")]) == 0
+    observer, feedforward = json.loads(capsys.readouterr().out)["scenarios"][0]["policies"]
+    assert feedforward["failures"] == 0
+    assert feedforward["metrics"]["rms_lateral_error"]["value"] < 0.15
+    assert observer["metrics"]["rms_lateral_error"]["value"] < 0.7
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["bench", "clasical"], ["'clasical'", "did you mean 'classical'"]),
+        (["bench", "--policies", "yin-lrq"], ["'yin-lrq'", "did you mean 'yin-lqr'"]),
+        (["bench", "--policies", "pd,pd"], ["'pd,pd'", "different names"]),
+        (["bench", "--policies", ","], ["','", "one or more"]),
+        (["bench", "--episodes", "0"], ["--episodes", "0"]),
+        (["bench", "--episodes", "many"], ["--episodes", "integer"]),
+        (["bench", "--seed", "-1"], ["--seed", "-1"]),
+        (["bench", "--road", "no/such.csv"], ["no/such.csv", "no such file"]),
+        (["bench", "classical", "--road", "no/such.csv"], ["exclude each other"]),
+        (["bench", "--frobnicate"], ["--frobnicate"]),
+        (["frobnicate"], ["frobnicate"]),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(arguments, words, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.err.count("\n") == 1
+    assert captured.err.startswith("lanekeep: ")
+    assert all(word in captured.err for word in words)
+    assert captured.out == ""
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [("", ["empty.csv"]), ("x,y\n0,0\n1,one\n", ["empty.csv", "one"]), ("0,0\n1,0\n", ["empty.csv"])],
+)
+def test_a_bad_road_file_is_named(content, words, capsys, tmp_path):
+    file = tmp_path / "empty.csv"
+    file.write_text(content)
+    assert main(["bench", "--road", str(file), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert all(word in error for word in words)
+    assert not (tmp_path / "out").exists()
+
+
+def test_missing_typer_names_the_extra(tmp_path):
+    """A light installation has the command, but not what it needs."""
+    (tmp_path / "typer.py").write_text("raise ModuleNotFoundError(\"No module named 'typer'\", name='typer')")
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])}
+    done = subprocess.run(
+        [sys.executable, "-m", "lanekeep_benchmarks", "envs"], env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 1
+    assert done.stderr == 'lanekeep: typer is not installed; pip install "lanekeep[bench]"\n'
+
+
+def test_all_baselines_are_the_default(oval, tmp_path, capsys):
+    assert main(["bench", "--road", str(oval), "--episodes", "1", "--json", "--out", str(tmp_path / "out")]) == 0
+    policies = json.loads(capsys.readouterr().out)["scenarios"][0]["policies"]
+    assert [row["policy"] for row in policies] == list(lanekeep_baselines.names())
+
+
+class TestSpeed:
+    """`lanekeep speed` with short rounds; the figures themselves belong to a quiet machine."""
+
+    @pytest.fixture(autouse=True)
+    def short(self, monkeypatch):
+        monkeypatch.setattr(speed_module, "STEPS", {"single": 300, "highway": 5, "vector": 3})
+
+    def test_rates_ratios_and_start_up_times(self, capsys, monkeypatch):
+        monkeypatch.delitem(speed_module.MAKERS, "vector")  # each cold start compiles for seconds
+        assert main(["speed", "--quick", "--json"]) == 0
+        found = json.loads(capsys.readouterr().out)
+        rates = found["rates_env_steps_per_s"]
+        assert all(rate > 0 for rate in rates.values())
+        assert "CartPole-v1" in found["ratios"]["lanekeep"]
+        assert set(found["start_up_s"]) == {
+            "import",
+            "first step, single, cold",
+            "first step, single, warm",
+        }
+        assert found["start_up_s"]["first step, single, warm"] < found["start_up_s"]["first step, single, cold"]
+
+    def test_without_highway_env_it_says_so_and_goes_on(self, capsys, monkeypatch):
+        find = speed_module.importlib.util.find_spec
+        monkeypatch.setattr(
+            speed_module.importlib.util, "find_spec", lambda name: None if name == "highway_env" else find(name)
+        )
+        monkeypatch.setattr(speed_module, "measure_start_up", lambda report: {})
+        assert main(["speed", "--quick"]) == 0
+        output = capsys.readouterr().out
+        assert "highway-env is not installed" in output
+        assert "CartPole-v1" in output

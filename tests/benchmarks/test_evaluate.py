@@ -1,0 +1,155 @@
+"""Paired evaluation: same episodes for all, independent of lanes and of what else is driven."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from lanekeep_benchmarks.evaluate import drive, episode_seed, evaluate, make_lanes, record
+from lanekeep_benchmarks.suites import Suite, SuiteScenario
+
+SLALOM = SuiteScenario(
+    "slalom", "A slalom", {"road": "slalom", "departure": "cost", "preview": 1}, max_episode_steps=60
+)
+RANDOM = SuiteScenario("random", "Random roads", {"road": {"kind": "random", "count": 4}}, max_episode_steps=60)
+SUITE = Suite("test", "two short scenarios", (SLALOM, RANDOM), episodes=5)
+
+
+class Proportional:
+    """Steers against the lateral error; stateful on purpose: it counts its steps a row."""
+
+    def __init__(self, gain):
+        self.gain = gain
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        steps = np.zeros(len(observation)) if state is None else state
+        steps = np.where(episode_start, 0, steps) + 1
+        return (-self.gain * observation[:, :1] / np.sqrt(steps)[:, None]).astype(np.float32), steps
+
+
+POLICIES = {"calm": 0.05, "brisk": 0.5, "wild": 50.0}
+
+
+def make_policy(name, definition):
+    return Proportional(POLICIES[name])
+
+
+def run(policies=tuple(POLICIES), suite=SUITE, episodes=5, seed=0, **keywords):
+    batches = evaluate(suite, policies, make_policy, episodes=episodes, seed=seed, **keywords)
+    return [result for batch in batches for result in batch]
+
+
+@pytest.fixture(scope="module")
+def results():
+    return run()
+
+
+def test_every_episode_of_every_policy_once(results):
+    keys = [(result.scenario, result.policy, result.episode) for result in results]
+    assert sorted(keys) == sorted((t.name, p, e) for t in SUITE.scenarios for p in POLICIES for e in range(5))
+
+
+@pytest.mark.parametrize("lanes", [1, 2, 3, 256])
+def test_the_number_of_lanes_changes_nothing(results, lanes):
+    def place(result):
+        return result.scenario, result.policy, result.episode
+
+    assert sorted(run(lanes=lanes), key=place) == sorted(results, key=place)
+
+
+def test_other_policies_change_nothing(results):
+    alone = run(policies=("wild",))
+    assert alone == [result for result in results if result.policy == "wild"]
+
+
+def test_more_episodes_keep_the_first_ones(results):
+    more = [result for result in run(episodes=7) if result.episode < 5]
+    assert more == results
+
+
+def test_policies_meet_the_same_start():
+    """What the environment reports before the first action is equal to the last bit, whatever drove before."""
+    env = make_lanes(RANDOM, 4)
+    seeds = [episode_seed("test", "random", number, 0) for number in range(4)]
+    starts = []
+    for name in POLICIES:
+        observation, info = env.reset(seed=seeds)
+        starts.append((observation, info["arc_length"], info["lateral_error"]))
+        for _ in drive(env, make_policy(name, None), seeds, {}):
+            pass
+    for start in starts[1:]:
+        for first, other in zip(starts[0], start, strict=True):
+            np.testing.assert_array_equal(first, other)
+    assert len(set(starts[0][2])) == 4
+
+
+def test_results_equal_a_plain_loop_over_the_single_environment(results):
+    """The evaluator against gym.make and the definitions of the metrics, written out once more."""
+    for result in results:
+        scenario = next(scenario for scenario in SUITE.scenarios if scenario.name == result.scenario)
+        env = gym.make(scenario.env_id, **scenario.keywords, max_episode_steps=scenario.max_episode_steps)
+        policy, state = make_policy(result.policy, None), None
+        observation, _ = env.reset(seed=result.episode_seed)
+        infos, rewards, ended = [], [], False
+        while not ended:
+            action, state = policy.predict(observation[None], state, np.array([not infos]))
+            observation, reward, terminated, truncated, info = env.step(action[0])
+            infos.append(info)
+            rewards.append(reward)
+            ended = terminated or truncated
+        errors, rates, accelerations = (
+            np.array([info[key] for info in infos])
+            for key in ("lateral_error", "steering_rate", "lateral_acceleration")
+        )
+        assert result.steps == len(infos)
+        assert result.failed is not infos[-1]["is_success"]
+        assert result.metrics == pytest.approx(
+            {
+                "rms_lateral_error": np.sqrt(np.mean(errors**2)),
+                "peak_lateral_error": np.abs(errors).max(),
+                "rms_steering_rate": np.sqrt(np.mean(rates**2)),
+                "peak_lateral_acceleration": np.abs(accelerations).max(),
+                "return": sum(rewards),
+            },
+            rel=1e-12,
+        )
+
+
+def test_both_outcomes_occur(results):
+    """The scenarios above are worth comparing: some episodes fail, some end early, some do neither."""
+    assert {result.failed for result in results} == {True, False}
+    assert {result.steps == 60 for result in results} == {True, False}
+
+
+def test_episode_seeds_are_stable_and_distinct():
+    """The numbers are part of published results: they must not change between versions or machines."""
+    assert episode_seed("classical", "random-roads", 0, 0) == 3530596072238929
+    numbers = {episode_seed(s, t, e, n) for s in ("a", "b") for t in ("a", "b") for e in range(50) for n in range(3)}
+    assert len(numbers) == 600
+    assert max(numbers) < 2**53
+
+
+def test_scenario_hash_covers_what_the_scenario_does_not():
+    definition = make_lanes(SLALOM, 1).unwrapped.scenario
+    first = SLALOM.hash(definition.hash)
+    changes = [{"max_episode_steps": 61}, {"options": {"arc_length": 0.0}}, {"env_id": "lanekeep/Other-v0"}]
+    assert len({first, *(replace(SLALOM, **change).hash(definition.hash) for change in changes)}) == 4
+    assert SLALOM.hash("another scenario") != first
+    assert replace(SLALOM, title="Another title").hash(definition.hash) == first
+
+
+def test_options_fix_the_start():
+    scenario = replace(SLALOM, options={"arc_length": 0.0, "lateral_error": 0.25})
+    env = make_lanes(scenario, 2)
+    step = next(drive(env, make_policy("calm", None), [1, 2], scenario.options))
+    np.testing.assert_allclose(step.info["lateral_error"], 0.25, atol=0.1)
+    assert step.info["arc_length"].max() < 3.0
+
+
+def test_a_recorded_episode_is_the_evaluated_one(results):
+    result = next(result for result in results if (result.scenario, result.policy) == ("slalom", "brisk"))
+    trace = record(SLALOM, make_policy("brisk", None), result.episode_seed)
+    assert len(trace["lateral_error"]) == result.steps
+    assert np.abs(trace["lateral_error"]).max() == result.metrics["peak_lateral_error"]
+    assert {"steering_angle", "speed", "curvature_preview_0", "arc_length"} <= set(trace)

@@ -1,0 +1,125 @@
+"""Result folder, summary and tables on made-up result lines, where every number is known."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+
+from lanekeep_benchmarks.evaluate import EpisodeResult
+from lanekeep_benchmarks.report import COLUMNS, cells, headings, markdown, summarise, terminal_table
+from lanekeep_benchmarks.results import EPISODES, SUMMARY, ResultFolder, write_atomic
+from lanekeep_benchmarks.suites import Suite, SuiteScenario
+
+SUITE = Suite(
+    "made-up",
+    "two policies on one scenario",
+    (SuiteScenario("scenario", "A scenario", {"road": "random"}),),
+    episodes=20,
+)
+
+
+def line(policy, episode, error, failed=False):
+    metrics = {column.key: error for column in COLUMNS}
+    return EpisodeResult(
+        "made-up", "scenario", "0" * 16, policy, episode, 0, 1000 + episode, failed, 600, metrics, "0.1.0"
+    )
+
+
+@pytest.fixture
+def results():
+    """b is 0.1 m worse than a on every episode, whose own errors spread widely; b fails once."""
+    errors = np.random.default_rng(0).uniform(0.5, 5.0, 20)
+    lines = [line("a", i, error) for i, error in enumerate(errors)]
+    return lines + [line("b", i, error + 0.1, failed=i == 3) for i, error in enumerate(errors)]
+
+
+def test_summary_pairs_the_episodes(results):
+    shuffled = [results[i] for i in np.random.default_rng(1).permutation(len(results))]
+    summary = summarise(SUITE, shuffled, ["a", "b"])
+    assert summary == summarise(SUITE, results, ["a", "b"])
+    first, second = summary["scenarios"][0]["policies"]
+    assert (first["failures"], second["failures"]) == (0, 1)
+    assert second["failure_rate"]["value"] == pytest.approx(0.05)
+    assert first["difference_to_reference"] is None
+    error, difference = second["metrics"]["rms_lateral_error"], second["difference_to_reference"]["rms_lateral_error"]
+    assert error["high"] - error["low"] > 0.5
+    assert [difference[key] for key in ("value", "low", "high")] == pytest.approx([0.1] * 3, abs=1e-9)
+    json.dumps(summary, allow_nan=False)
+
+
+def test_unpaired_episodes_are_refused(results):
+    with pytest.raises(ValueError, match="scenario: b and a have not driven the same episodes"):
+        summarise(SUITE, results[:-1], ["a", "b"])
+
+
+def test_one_episode_has_values_without_intervals():
+    summary = summarise(SUITE, [line("a", 0, 1.5), line("b", 0, 1.0)], ["a", "b"])
+    row = summary["scenarios"][0]["policies"][1]
+    assert row["metrics"]["return"] == {"value": 1.0, "low": None, "high": None}
+    assert cells(row)[1] == ("1.000", "")
+
+
+def test_tables_show_every_policy_and_number(results):
+    summary = summarise(SUITE, results, ["a", "b"])
+    text = markdown(summary)
+    rows = [text_line for text_line in text.splitlines() if text_line.startswith("|")]
+    assert len(rows) == 4
+    assert {row.count("|") for row in rows} == {len(headings("a")) + 1}
+    assert "+0.100<br>+0.100…+0.100" in rows[-1]
+    assert re.search(r"\| 5\.0<br>0\.9…23\.6 \|", rows[-1])
+    table = terminal_table(summary["scenarios"][0], "a")
+    assert table.row_count == 2
+    assert len(table.columns) == len(headings("a"))
+
+
+def test_lines_are_on_disk_at_once(tmp_path, results):
+    with ResultFolder(tmp_path / "deep" / "out") as folder:
+        folder.append(results[:2])
+        lines = (folder.path / EPISODES).read_text().splitlines()
+    assert [json.loads(text)["episode"] for text in lines] == [0, 1]
+    assert json.loads(lines[0])["metrics"] == results[0].metrics
+
+
+def test_results_are_not_overwritten_unasked(tmp_path, results):
+    with ResultFolder(tmp_path) as folder:
+        folder.append(results)
+    before = (tmp_path / EPISODES).read_bytes()
+    with pytest.raises(ValueError, match=re.escape(str(tmp_path)) + r" already holds results; .* --overwrite"):
+        ResultFolder(tmp_path)
+    assert (tmp_path / EPISODES).read_bytes() == before
+
+
+def test_overwrite_removes_the_old_run_and_nothing_else(tmp_path, results):
+    for name in (SUMMARY, EPISODES, "plot_episode_old.png", "notes.txt", "photo.png"):
+        (tmp_path / name).write_text("old")
+    with ResultFolder(tmp_path, overwrite=True) as folder:
+        folder.append(results[:1])
+    assert sorted(file.name for file in tmp_path.iterdir()) == [EPISODES, "notes.txt", "photo.png"]
+    assert len((tmp_path / EPISODES).read_text().splitlines()) == 1
+
+
+def test_a_file_is_no_folder(tmp_path):
+    (tmp_path / "out").write_text("")
+    with pytest.raises(ValueError, match="is a file; allowed: a folder"):
+        ResultFolder(tmp_path / "out")
+
+
+def test_atomic_write_leaves_the_old_file_when_it_fails(tmp_path, monkeypatch):
+    target = tmp_path / "summary.json"
+    write_atomic(target, "old")
+
+    def fail(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("os.replace", fail)
+    with pytest.raises(OSError, match="disk full"):
+        write_atomic(target, "new")
+    assert [file.name for file in tmp_path.iterdir()] == ["summary.json"]
+    assert target.read_text() == "old"
+
+
+def test_numbers_that_json_lacks_are_refused():
+    with pytest.raises(ValueError, match="JSON"):
+        line("a", 0, math.nan).to_json()

@@ -1,0 +1,91 @@
+"""The intervals against scipy, closed forms and a coverage simulation."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from lanekeep_benchmarks.statistics import bootstrap_means, wilson
+
+
+@pytest.mark.parametrize(("failures", "episodes"), [(0, 1), (0, 20), (1, 20), (7, 64), (63, 64), (64, 64), (3, 1000)])
+@pytest.mark.parametrize("confidence", [0.9, 0.95, 0.99])
+def test_wilson_equals_scipy(failures, episodes, confidence):
+    ours = wilson(failures, episodes, confidence)
+    theirs = stats.binomtest(failures, episodes).proportion_ci(confidence, method="wilson")
+    assert ours.value == failures / episodes
+    assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=1e-12)
+    assert 0.0 <= ours.low <= ours.value <= ours.high <= 1.0
+
+
+@pytest.mark.parametrize(("failures", "episodes"), [(0, 0), (-1, 5), (6, 5)])
+def test_wilson_refuses_impossible_counts(failures, episodes):
+    with pytest.raises(ValueError, match=r"failures=.* of episodes=.* is not allowed"):
+        wilson(failures, episodes)
+
+
+def test_bootstrap_agrees_with_scipy():
+    sample = np.random.default_rng(3).lognormal(size=60)
+    (ours,) = bootstrap_means(sample[:, None], np.random.default_rng(0), resamples=40_000)
+    theirs = stats.bootstrap(
+        (sample,), np.mean, method="percentile", n_resamples=40_000, rng=np.random.default_rng(1)
+    ).confidence_interval
+    width = theirs.high - theirs.low
+    assert ours.value == pytest.approx(sample.mean(), rel=1e-14)
+    assert ours.low == pytest.approx(theirs.low, abs=0.02 * width)
+    assert ours.high == pytest.approx(theirs.high, abs=0.02 * width)
+
+
+def test_bootstrap_of_a_two_point_sample_is_binomial():
+    """Resampled means of k ones among n are Binomial(n, k / n) / n exactly."""
+    values = np.r_[np.ones(12), np.zeros(28)]
+    (ours,) = bootstrap_means(values[:, None], np.random.default_rng(0), resamples=100_000)
+    assert ours.low == pytest.approx(stats.binom.ppf(0.025, 40, 0.3) / 40, abs=1e-12)
+    assert ours.high == pytest.approx(stats.binom.ppf(0.975, 40, 0.3) / 40, abs=1e-12)
+
+
+def test_columns_share_their_resamples():
+    """A shift common to both columns must vanish from their difference: that is what pairing buys."""
+    generator = np.random.default_rng(5)
+    road = generator.normal(0.0, 10.0, 50)
+    a, b = road + generator.normal(0.0, 0.1, 50), road + generator.normal(0.3, 0.1, 50)
+    first, second, difference = bootstrap_means(np.stack([a, b, b - a], axis=1), np.random.default_rng(0))
+    assert first.high - first.low > 4.0
+    assert difference.high - difference.low < 0.12
+    assert difference.value == pytest.approx(second.value - first.value, abs=1e-12)
+
+
+def test_blocks_cover_all_resamples():
+    """More episodes than fit one block of resamples: still a finite interval of the normal width."""
+    sample = np.random.default_rng(2).normal(size=4000)
+    (ours,) = bootstrap_means(sample[:, None], np.random.default_rng(0), resamples=2000)
+    assert ours.high - ours.low == pytest.approx(2 * 1.96 * sample.std() / math.sqrt(4000), rel=0.08)
+
+
+def test_one_episode_has_no_interval():
+    (ours,) = bootstrap_means(np.array([[2.5]]), np.random.default_rng(0))
+    assert ours.value == 2.5
+    assert math.isnan(ours.low) and math.isnan(ours.high)
+
+
+@pytest.mark.parametrize(("draw", "truth"), [("normal", 1.0), ("exponential", 1.0)])
+def test_coverage_of_the_bootstrap(draw, truth):
+    """400 experiments of 64 episodes: a 95 % interval covers the true mean in 91 to 98 of 100."""
+    generator = np.random.default_rng(11)
+    experiments = 400
+    samples = getattr(generator, draw)(1.0, size=(64, experiments))
+    intervals = [bootstrap_means(samples[:, [i]], generator, resamples=1000)[0] for i in range(experiments)]
+    coverage = np.mean([interval.low <= truth <= interval.high for interval in intervals])
+    assert 0.91 <= coverage <= 0.98
+
+
+def test_coverage_of_wilson():
+    """Exact coverage, averaged over rates: close to 95 %, where the textbook (Wald) interval falls to 60 %."""
+    episodes, rates = 64, np.linspace(0.01, 0.5, 50)
+    hits = np.arange(episodes + 1)
+    intervals = [wilson(int(k), episodes) for k in hits]
+    low, high = np.array([i.low for i in intervals]), np.array([i.high for i in intervals])
+    coverage = [stats.binom.pmf(hits, episodes, p)[(low <= p) & (p <= high)].sum() for p in rates]
+    assert np.mean(coverage) == pytest.approx(0.95, abs=0.01)
+    assert min(coverage) > 0.87

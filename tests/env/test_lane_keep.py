@@ -1,0 +1,212 @@
+"""The lane-keeping task: starts, costs, endings, channels, errors."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import lanekeep_env
+from lanekeep_env import LaneKeepScenario, Termination
+
+ID = "lanekeep/LaneKeep-v0"
+
+
+def step(env, value):
+    return env.step(np.array([value], np.float32))
+
+
+def test_starts_cover_the_promised_range_on_straights_and_in_curves():
+    for limit in (0.5, 1.0):
+        env = gym.make_vec(ID, 4000, "vector_entry_point", start_lateral_error=limit, observation="full")
+        observation, infos = env.reset(seed=0)
+        names = [c.name for c in env.unwrapped.channels]
+        lateral, course = infos["lateral_error"], infos["heading_error"] + observation[:, names.index("sideslip")]
+        assert np.abs(lateral).max() <= limit and np.abs(course).max() <= np.radians(2.0) + 1e-6
+        # uniform: mean 0, standard deviation limit / sqrt(3), within five standard errors
+        assert abs(lateral.mean()) < 5 * limit / np.sqrt(3 * 4000)
+        assert lateral.std() == pytest.approx(limit / np.sqrt(3), rel=0.05)
+        curvature = np.abs(observation[:, names.index("curvature")])
+        assert 0.05 < (curvature < 1e-6).mean() < 0.9 and (curvature > 0.005).mean() > 0.05
+
+
+def test_start_is_steady_driving():
+    """Started without errors in the middle of a circle, holding the steering keeps the car on it."""
+    for keywords in ({}, {"dynamics": "kinematic"}):
+        env = gym.make(ID, road={"kind": "circle", "radius": 150.0}, observation="full", **keywords)
+        observation, info = env.reset(seed=0, options={"lateral_error": 0.0, "arc_length": 5.0})
+        sideslip = observation[[c.name for c in env.unwrapped.channels].index("sideslip")]
+        observation, info = env.reset(
+            seed=0, options={"lateral_error": 0.0, "arc_length": 5.0, "heading_error": -float(sideslip)}
+        )
+        for _ in range(100):
+            info = step(env, observation[4] / 0.15)[4]
+        assert abs(info["lateral_error"]) < 0.02
+
+
+def test_cost_is_the_documented_formula():
+    env = gym.make(ID, cost_weight=2.0, reference_steering_rate=0.2)
+    env.reset(seed=1)
+    for value in (0.1, 0.12, 0.1):
+        _, reward, _, _, info = step(env, value)
+        cost = (info["lateral_error"] / 0.5) ** 2 + 2.0 * (info["steering_rate"] / 0.2) ** 2
+        assert reward == pytest.approx(-min(16.0, cost) * 0.05, rel=1e-12)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**6), early=st.integers(0, 40))
+def test_a_departure_is_worse_than_any_drive_inside_the_lane(seed, early):
+    """Returns rank sanely: the worst survivor gets at least what the best-looking leaver gets."""
+    env = gym.make(ID)
+    env.reset(seed=seed)
+    rng = np.random.default_rng(seed)
+    total, steps, done = 0.0, 0, False
+    while not done:
+        _, reward, terminated, truncated, info = step(env, rng.uniform(-0.05, 0.05) if steps < early else 1.0)
+        total, steps, done = total + reward, steps + 1, terminated or truncated
+    assert terminated and info["termination"] == Termination.LANE_DEPARTURE and not info["is_success"]
+    survivor_at_the_cap = -16.0 * 0.05 * (600 - (steps - 1))
+    assert reward == pytest.approx(survivor_at_the_cap, rel=1e-12)
+
+
+def test_departure_modes():
+    ends = gym.make(ID)
+    goes_on = gym.make(ID, departure="cost")
+    ignores = gym.make(ID, departure="off")
+    for env in (ends, goes_on, ignores):
+        env.reset(seed=0)
+    for _ in range(200):
+        last = step(ends, 1.0)
+        if last[2]:
+            break
+    assert last[2] and abs(last[4]["lateral_error"]) > 1.75 and last[4]["cost"] == 1.0
+    for _ in range(200):
+        charged, free = step(goes_on, 1.0), step(ignores, 1.0)
+    assert not charged[2] and charged[4]["cost"] == 1.0 and not charged[4]["is_success"]
+    assert charged[1] == pytest.approx(-16.0 * 0.05)
+    assert not free[2] and free[4]["cost"] == 0.0 and free[4]["is_success"]
+
+
+def test_preview_reads_the_road_ahead():
+    env = gym.make(ID, preview=12, preview_interval=0.25, road="random", departure="off")
+    geometry_set = env.unwrapped.road_set()
+    for seed in range(5):
+        observation, info = env.reset(seed=seed, options={"road_index": seed})
+        road = geometry_set[seed][0]
+        for _ in range(40):
+            names = [c.name for c in env.unwrapped.channels]
+            got = observation[names.index("curvature_preview_0") :]
+            ahead = info["arc_length"] + info["speed"] * 0.25 * np.arange(12)
+            np.testing.assert_allclose(got, road.curvature(ahead), atol=2e-7)
+            observation, _, _, _, info = step(env, 0.0)
+
+
+def test_values_outside_the_box_are_clipped_and_counted():
+    env = gym.make(ID, vehicle={"steering": {"lag": 0.0}})
+    env.reset(seed=0)
+    assert step(env, 7.0)[0][4] == pytest.approx(0.15)
+    step(env, -1.0)
+    assert step(env, -np.inf)[0][4] == pytest.approx(-0.15)
+    assert env.unwrapped.clipped_actions == 2
+    vector = gym.make_vec(ID, 3, "vector_entry_point")
+    vector.reset(seed=0)
+    vector.step(np.array([[0.0], [1.5], [-9.0]], np.float32))
+    np.testing.assert_array_equal(vector.unwrapped.clipped_actions, [0, 1, 1])
+
+
+@pytest.mark.parametrize(
+    ("keywords", "words"),
+    [
+        ({"vehicel": "yin"}, ["vehicel", "vehicle"]),
+        ({"vehicle": "yinn"}, ["yinn", "yin", "commonroad-1"]),
+        ({"vehicle": {"mass": -1.0}}, ["vehicle.mass", "-1.0", "kg", "> 0"]),
+        ({"vehicle": {"mas": 1.0}}, ["mas", "mass"]),
+        ({"vehicle": {"steering": {"lagg": 1.0}}}, ["lagg", "lag"]),
+        ({"vehicle": {"steering": {"delay": 0.013}}}, ["delay", "0.013", "0.01"]),
+        ({"road": "randm"}, ["randm", "random"]),
+        ({"road": {"kind": "circle", "radius": 1.0}}, ["radius"]),
+        ({"tyre": "magic"}, ["tyre", "magic_formula"]),
+        ({"dynamics": "dynamc"}, ["dynamics", "dynamic"]),
+        ({"friction": 0.0}, ["friction", "> 0"]),
+        ({"control_step": 0.033}, ["control_step", "0.033", "0.03"]),
+        ({"departure": "stop"}, ["departure", "terminate"]),
+        ({"preview": -1}, ["preview", ">= 0"]),
+        ({"preview": 2.5}, ["preview", "whole"]),
+        ({"speed": -3.0}, ["speed", "-3.0"]),
+        ({"speed": float("nan")}, ["speed", "nan"]),
+        ({"dtype": "float16"}, ["dtype", "float32"]),
+        ({"start_lateral_error": 5.0}, ["start_lateral_error", "1.75"]),
+        ({"render_mode": "human"}, ["render_mode"]),
+    ],
+)
+def test_wrong_configurations_are_named_in_one_line(keywords, words):
+    for make in (lambda: gym.make(ID, **keywords), lambda: gym.make_vec(ID, 2, "vector_entry_point", **keywords)):
+        with pytest.raises((ValueError, TypeError)) as caught:
+            make()
+        message = str(caught.value)
+        assert "\n" not in message
+        for word in words:
+            assert word in message
+
+
+def test_wrong_actions_are_named():
+    env = gym.make(ID)
+    with pytest.raises(gym.error.ResetNeeded):
+        env.unwrapped.step(np.zeros(1, np.float32))
+    env.reset(seed=0)
+    for bad in (np.zeros(2, np.float32), np.float32(0.0), np.zeros((1, 1), np.float32)):
+        with pytest.raises(ValueError, match=r"shape \(1,\)"):
+            env.unwrapped.step(bad)
+    with pytest.raises(ValueError, match="NaN"):
+        step(env, np.nan)
+    vector = gym.make_vec(ID, 3, "vector_entry_point")
+    vector.reset(seed=0)
+    with pytest.raises(ValueError, match=r"shape \(3,\); they must have shape \(3, 1\)"):
+        vector.step(np.zeros(3, np.float32))
+    before = vector.unwrapped._core.lanes.copy()
+    with pytest.raises(ValueError, match="lane 1 is NaN"):
+        vector.step(np.array([[0], [np.nan], [0]], np.float32))
+    np.testing.assert_array_equal(before, vector.unwrapped._core.lanes)
+
+
+def test_wrong_reset_options_are_named():
+    env = gym.make(ID)
+    for options, word in (
+        ({"lateral": 1.0}, "lateral_error"),
+        ({"road_index": 10**6}, "road_index"),
+        ({"arc_length": -5.0}, "arc_length"),
+        ({"lateral_error": "x"}, "lateral_error"),
+    ):
+        with pytest.raises(ValueError, match=word):
+            env.reset(seed=0, options=options)
+
+
+def test_scenario_is_frozen_and_hash_is_stable():
+    scenario = LaneKeepScenario()
+    with pytest.raises(AttributeError):
+        scenario.lane_width = 2.0  # type: ignore[misc]
+    assert scenario.hash == LaneKeepScenario.from_keywords().hash
+    assert scenario.hash != LaneKeepScenario.from_keywords(lane_width=3.0).hash
+
+
+def test_random_driving_never_leaves_the_numbers():
+    """Random actions over options: finite, inside the bounds."""
+    rng = np.random.default_rng(0)
+    for keywords in (
+        {"departure": "off"},
+        {"departure": "off", "tyre": "magic_formula", "friction": 0.2},
+        {"departure": "cost", "dynamics": "kinematic", "max_steering_angle": 1.0},
+        {"departure": "off", "speed": 0.0},
+        {"departure": "off", "vehicle": "commonroad-1", "max_steering_angle": 0.9, "dtype": "float32"},
+    ):
+        env = gym.make_vec(ID, 64, "vector_entry_point", observation="full", preview=3, **keywords)
+        env.reset(seed=1)
+        for _ in range(300):
+            observation, reward, _, _, infos = env.step(rng.uniform(-1, 1, (64, 1)).astype(np.float32))
+            assert env.observation_space.contains(observation)
+            assert np.isfinite(reward).all() and all(np.isfinite(v).all() for v in infos.values())
+
+
+def test_public_names():
+    assert lanekeep_env.__version__
+    assert set(lanekeep_env.VEHICLES) == {"yin", "commonroad-1", "commonroad-2", "commonroad-3"}

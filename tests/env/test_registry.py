@@ -1,0 +1,144 @@
+"""One smoke test over the registry: a new id is tested by being registered."""
+
+import copy
+import itertools
+import json
+import pickle
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+
+import lanekeep_env
+
+IDS = sorted(lanekeep_env.ENVIRONMENTS)
+
+#: Every option of an id with a value beside its default.
+OPTIONS = {
+    "lanekeep/LaneKeep-v0": {
+        "vehicle": ["commonroad-2", {"base": "yin", "mass": 2000.0, "steering": {"lag": 0.05, "delay": 0.07}}],
+        "dynamics": ["kinematic"],
+        "tyre": ["magic_formula"],
+        "friction": [0.5],
+        "road": ["yin", {"kind": "circle", "radius": 150.0}],
+        "speed": [20.0, {"lateral_acceleration": 2.0, "maximum": 30.0}],
+        "action": ["steering_rate"],
+        "max_steering_angle": [0.3],
+        "start_lateral_error": [1.0],
+        "departure": ["cost", "off"],
+        "preview": [4],
+        "observation": ["full"],
+        "control_step": [0.02],
+        "duration": [10.0],
+        "dtype": ["float32"],
+    }
+}
+
+
+def checked(env):
+    """Gymnasium's checker with its warnings as errors, except that nothing is drawn yet."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*render.*")
+        check_env(env.unwrapped)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_defaults_run_vector_pickle_and_copy(name):
+    env = gym.make(name)
+    checked(env)
+    env.reset(seed=5)
+    env.action_space.seed(0)
+    actions = [env.action_space.sample() for _ in range(60)]
+    for action in actions[:20]:
+        env.step(action)
+    twins = [pickle.loads(pickle.dumps(env)), copy.deepcopy(env)]
+    for action in actions[20:]:
+        expected = env.step(action)
+        for twin in twins:
+            got = twin.step(action)
+            np.testing.assert_array_equal(got[0], expected[0])
+            assert got[1:] == expected[1:]
+    vector = gym.make_vec(name, num_envs=3, vectorization_mode="vector_entry_point")
+    observation, _ = vector.reset(seed=5)
+    assert vector.observation_space.contains(observation)
+    assert observation.shape == (3, len(vector.unwrapped.channels))
+    again = pickle.loads(pickle.dumps(vector))
+    sample = vector.action_space.sample()
+    np.testing.assert_array_equal(vector.step(sample)[0], again.step(sample)[0])
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_channels_name_the_observation(name):
+    env = gym.make(name)
+    space = env.observation_space
+    channels = env.unwrapped.channels
+    assert space.shape == (len(channels),) and np.isfinite(space.low).all() and np.isfinite(space.high).all()
+    assert len({c.name for c in channels}) == len(channels)
+    np.testing.assert_array_equal(space.low, np.float32([c.low for c in channels]))
+
+
+def each_option_and_pairs(name):
+    single = [(key, value) for key, values in OPTIONS[name].items() for value in values]
+    yield from ([one] for one in single)
+    yield from ([a, b] for a, b in itertools.combinations(single, 2) if a[0] != b[0])
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_check_env_passes_for_each_option_alone_and_in_pairs(name):
+    for chosen in each_option_and_pairs(name):
+        try:
+            checked(gym.make(name, **dict(chosen)))
+        except Exception as error:
+            raise AssertionError(f"{name} with {dict(chosen)}: {error}") from error
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_stable_baselines_check_passes(name):
+    check = pytest.importorskip("stable_baselines3.common.env_checker").check_env
+    for key, values in OPTIONS[name].items():
+        for value in values:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                check(gym.make(name, **{key: value}).unwrapped)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_specs_and_scenarios_round_trip_through_json(name):
+    for key, values in OPTIONS[name].items():
+        for value in values:
+            env = gym.make(name, **{key: value})
+            spec = EnvSpec.from_json(env.spec.to_json())
+            twin = gym.make(spec)
+            assert twin.unwrapped.scenario == env.unwrapped.scenario
+            np.testing.assert_array_equal(twin.reset(seed=1)[0], env.reset(seed=1)[0])
+            scenario = env.unwrapped.scenario
+            back = type(scenario).from_keywords(**json.loads(json.dumps(scenario.to_dict())))
+            assert back == scenario and back.hash == scenario.hash
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_the_hash_sees_every_option(name):
+    hashes = [gym.make(name).unwrapped.scenario.hash]
+    for key, values in OPTIONS[name].items():
+        if key != "dtype":
+            hashes += [gym.make(name, **{key: value}).unwrapped.scenario.hash for value in values]
+    assert len(set(hashes)) == len(hashes)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_async_vector_env_works_after_a_threaded_call(name):
+    """A child forked behind an OpenMP region must not touch it: single environments never do."""
+    threaded = gym.make_vec(name, num_envs=1024, vectorization_mode="vector_entry_point", num_threads=2)
+    threaded.reset(seed=0)
+    threaded.step(threaded.action_space.sample())
+    envs = gym.make_vec(name, num_envs=2, vectorization_mode="async")
+    first, _ = envs.reset(seed=9)
+    for _ in range(3):
+        observation = envs.step(envs.action_space.sample())[0]
+    envs.close()
+    assert np.isfinite(observation).all()
+    np.testing.assert_array_equal(first[1], gym.make(name).reset(seed=10)[0])

@@ -1,0 +1,151 @@
+"""One kernel, two skins: lanes of a vector environment are the single environments, to the last bit."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import lanekeep_env  # noqa: F401
+
+ID = "lanekeep/LaneKeep-v0"
+VARIANTS = [
+    {},
+    {"dynamics": "kinematic", "action": "steering_rate"},
+    {"tyre": "magic_formula", "observation": "full", "preview": 3},
+    {"vehicle": {"steering": {"lag": 0.1, "delay": 0.07, "rate_limit": 0.3}}, "departure": "cost"},
+]
+
+
+def gentle(rng, steps, lanes):
+    """Actions that keep some lanes on the road and lose others."""
+    return np.clip(rng.normal(0, 0.15, (steps, lanes, 1)), -1, 1).astype(np.float32)
+
+
+@pytest.mark.parametrize("mode", ["next_step", "same_step"])
+@pytest.mark.parametrize("keywords", VARIANTS)
+def test_lanes_equal_single_environments_bitwise(keywords, mode):
+    lanes, steps, seed = 21, 150, 1234
+    make = {"max_episode_steps": 60, **keywords}
+    vector = gym.make_vec(ID, lanes, "vector_entry_point", autoreset_mode=mode, **make)
+    singles = [gym.make(ID, **make) for _ in range(lanes)]
+    observation, infos = vector.reset(seed=seed)
+    for i, env in enumerate(singles):
+        alone, info = env.reset(seed=seed + i)
+        np.testing.assert_array_equal(observation[i], alone)
+        assert {k: infos[k][i] for k in info} == info
+    over = np.zeros(lanes, dtype=bool)
+    ended = 0
+    for actions in gentle(np.random.default_rng(7), steps, lanes):
+        observation, rewards, terminated, truncated, infos = vector.step(actions)
+        for i, env in enumerate(singles):
+            if mode == "next_step" and over[i]:
+                alone, info = env.reset()
+                reward, dead, late = 0.0, False, False
+            else:
+                alone, reward, dead, late, info = env.step(actions[i])
+            if mode == "same_step" and (dead or late):
+                np.testing.assert_array_equal(infos["final_obs"][i], alone)
+                assert {k: infos["final_info"][k][i] for k in info} == info
+                alone, info = env.reset()
+            np.testing.assert_array_equal(observation[i], alone)
+            assert (rewards[i], terminated[i], truncated[i]) == (reward, dead, late)
+            assert {k: infos[k][i] for k in info} == info
+            over[i] = dead or late
+            ended += over[i]
+    assert ended > lanes
+
+
+@settings(max_examples=20, deadline=None)
+@given(lanes=st.integers(1, 600), seed=st.integers(0, 2**31), threads=st.sampled_from([1, 2]))
+def test_a_lane_does_not_depend_on_the_number_of_lanes_or_threads(lanes, seed, threads):
+    """SIMD bodies, remainders and blocks give the same bits; float32 too."""
+    for dtype in ("float64", "float32"):
+        many = gym.make_vec(ID, lanes, "vector_entry_point", dtype=dtype, num_threads=threads)
+        few = gym.make_vec(ID, 2, "vector_entry_point", dtype=dtype)
+        many.reset(seed=seed)
+        few.reset(seed=[seed, seed + lanes - 1])
+        for actions in gentle(np.random.default_rng(seed), 40, lanes):
+            wide = many.step(actions)
+            narrow = few.step(actions[[0, lanes - 1]])
+            for a, b in zip(wide[:4], narrow[:4], strict=True):
+                np.testing.assert_array_equal(a[[0, lanes - 1]], b)
+
+
+@pytest.mark.parametrize("steps", [1, 7, 45])
+def test_truncation_is_the_same_in_all_skins(steps):
+    keywords = {"departure": "off", "max_episode_steps": steps}
+    single = gym.make(ID, **keywords)
+    sync = gym.make_vec(ID, 2, "sync", **keywords)
+    vector = gym.make_vec(ID, 2, "vector_entry_point", **keywords)
+    single.reset(seed=0), sync.reset(seed=0), vector.reset(seed=0)
+    for k in range(1, steps + 1):
+        action = np.zeros(1, np.float32)
+        flags = [
+            single.step(action)[3],
+            *sync.step(np.stack([action, action]))[3],
+            *vector.step(np.stack([action, action]))[3],
+        ]
+        assert flags == [k == steps] * 5
+
+
+@pytest.mark.parametrize("duration", [5.0, 30.0])
+def test_departure_charges_the_rest_of_the_duration_in_both_skins(duration):
+    rewards = []
+    for env in (gym.make(ID, duration=duration), gym.make_vec(ID, 1, "vector_entry_point", duration=duration)):
+        env.reset(seed=3)
+        total, done, count = 0.0, False, 0
+        while not done:
+            _, reward, dead, late, _ = env.step(np.full(env.action_space.shape, 1.0, np.float32))
+            done, count = bool(np.all(dead)) or bool(np.all(late)), count + 1
+            last = float(np.asarray(reward).item())
+            total += last
+        rewards.append(total)
+        assert last == pytest.approx(-16.0 * 0.05 * (round(duration / 0.05) - count + 1), rel=1e-12)
+    assert rewards[0] == rewards[1]
+
+
+def test_reset_mask_restarts_only_the_chosen_lanes():
+    vector = gym.make_vec(ID, 5, "vector_entry_point", autoreset_mode="disabled")
+    reference = gym.make_vec(ID, 5, "vector_entry_point", autoreset_mode="disabled")
+    rng = np.random.default_rng(0)
+    for env in (vector, reference):
+        env.reset(seed=2)
+    for actions in gentle(rng, 10, 5):
+        kept = reference.step(actions)[0]
+        vector.step(actions)
+    mask = np.array([True, False, False, True, False])
+    observation, _ = vector.reset(options={"reset_mask": mask})
+    np.testing.assert_array_equal(observation[~mask], kept[~mask])
+    assert (observation[mask] != kept[mask]).any(axis=1).all()
+    actions = gentle(rng, 1, 5)[0]
+    np.testing.assert_array_equal(vector.step(actions)[0][~mask], reference.step(actions)[0][~mask])
+
+
+def test_episodes_of_one_seed_are_the_same_whatever_was_done_before():
+    """The third episode of a seed does not depend on how the first two were driven."""
+    starts = []
+    for policy in (0.0, 0.9):
+        env = gym.make(ID)
+        env.reset(seed=11)
+        for _ in range(2):
+            for _ in range(3 if policy else 17):
+                env.step(np.array([policy], np.float32))
+            start = env.reset()[0]
+        starts.append(start)
+    np.testing.assert_array_equal(*starts)
+
+
+def test_observations_are_fresh_arrays():
+    env = gym.make(ID)
+    first, _ = env.reset(seed=0)
+    kept = first.copy()
+    second = env.step(np.array([0.3], np.float32))[0]
+    np.testing.assert_array_equal(first, kept)
+    assert not np.shares_memory(first, second)
+    vector = gym.make_vec(ID, 4, "vector_entry_point")
+    first, infos = vector.reset(seed=0)
+    kept, error = first.copy(), infos["lateral_error"].copy()
+    vector.step(np.full((4, 1), 0.3, np.float32))
+    np.testing.assert_array_equal(first, kept)
+    np.testing.assert_array_equal(infos["lateral_error"], error)
