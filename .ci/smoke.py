@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import version
 from importlib.resources import files
@@ -31,12 +32,20 @@ for env_id in env_ids:
     vector.reset(seed=1)
     vector.step(np.zeros(vector.action_space.shape, np.float32))
 
-try:
-    import_module("lanekeep_baselines").make("yin-lqr", gym.make("lanekeep/LaneKeep-v0").unwrapped.scenario)
-except ImportError as error:
-    assert 'pip install "lanekeep[baselines]"' in str(error), error
-else:
-    raise AssertionError("yin-lqr was designed without python-control")
+
+def names_extra(extra: str, call: Callable[[], object]) -> bool:
+    """Whether ``call`` fails with an ImportError that says how to install ``extra``."""
+    try:
+        call()
+    except ImportError as error:
+        return f'pip install "lanekeep[{extra}]"' in str(error)
+    return False
+
+
+baselines, agents = import_module("lanekeep_baselines"), import_module("lanekeep_agents")
+scenario = lanekeep_env.LaneKeepScenario()
+assert names_extra("baselines", lambda: baselines.make("yin-lqr", scenario))
+assert names_extra("agents", lambda: agents.sb3_vec_env("lanekeep/LaneKeep-v0", 2))
 
 command = subprocess.run([str(Path(sys.executable).with_name("lanekeep")), "envs"], capture_output=True, text=True)
 assert command.returncode == 1, command

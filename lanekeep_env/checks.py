@@ -49,7 +49,9 @@ def require(
         kind = "a whole number" if whole else "a finite number"
         limits = f" {' and '.join(bounds)}" if bounds else ""
         none = " or None" if optional else ""
-        raise ValueError(f"{name}={value!r} is not allowed: it must be {kind}{limits}{f' {unit}' if unit else ''}{none}")
+        raise ValueError(
+            f"{name}={value!r} is not allowed: it must be {kind}{limits}{f' {unit}' if unit else ''}{none}"
+        )
 
 
 def choose(name: str, value: Any, allowed: Iterable[str]) -> None:

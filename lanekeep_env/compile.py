@@ -50,12 +50,12 @@ def cache_folder() -> Path:
 
 def inline(function: F) -> F:
     """Compile a scalar function of the SIMD loops; always inlined, or the loop around it stays scalar."""
-    return numba.njit(forceinline=True, **_INTERNAL)(function)  # type: ignore[no-any-return]
+    return numba.njit(forceinline=True, **_INTERNAL)(function)
 
 
 def helper(function: F) -> F:
     """Compile a function that other compiled functions call; inlined where LLVM thinks it pays."""
-    return numba.njit(**_INTERNAL)(function)  # type: ignore[no-any-return]
+    return numba.njit(**_INTERNAL)(function)
 
 
 def kernel(*, parallel: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -70,9 +70,9 @@ def kernel(*, parallel: bool = False) -> Callable[[Callable[..., Any]], Callable
             folder = cache_folder()
             folder.mkdir(parents=True, exist_ok=True)
             numba.config.CACHE_DIR = str(folder)
-            return numba.njit(cache=True, nogil=True, parallel=parallel, **_OPTIONS)(function)  # type: ignore[no-any-return]
+            return numba.njit(cache=True, nogil=True, parallel=parallel, **_OPTIONS)(function)
         except (OSError, RuntimeError):
-            return numba.njit(nogil=True, parallel=parallel, **_OPTIONS)(function)  # type: ignore[no-any-return]
+            return numba.njit(nogil=True, parallel=parallel, **_OPTIONS)(function)
         finally:
             numba.config.CACHE_DIR = before
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from typing import Any
@@ -116,8 +117,9 @@ class LaneKeepScenario:
         for key in keywords:
             if key not in allowed:
                 raise TypeError(f"unknown keyword {key!r}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
-        readers = {"vehicle": vehicle_from, "road": road_from, "speed": speed_from}
-        return cls(**{key: readers[key](value) if key in readers else value for key, value in keywords.items()})
+        readers: dict[str, Callable[[Any], Any]] = {"vehicle": vehicle_from, "road": road_from, "speed": speed_from}
+        values: dict[str, Any] = {k: readers[k](v) if k in readers else v for k, v in keywords.items()}
+        return cls(**values)
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:

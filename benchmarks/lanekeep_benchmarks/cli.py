@@ -55,7 +55,7 @@ def _input_errors() -> Iterator[None]:
     """Turn what the packages say about bad input into one line on stderr and exit code 2."""
     try:
         yield
-    except (ValueError, OSError, gym.error.Error) as error:
+    except (ValueError, OSError, ImportError, gym.error.Error) as error:
         print(f"lanekeep: {_one_line(error)}", file=sys.stderr)
         raise typer.Exit(2) from error
 
@@ -131,7 +131,7 @@ def bench(
         progress.update(task, description="tables and plots")
         summary = benchmark.write_report(plan, folder)
     if as_json:
-        print(json.dumps(summary))
+        print(json.dumps({"folder": str(folder.path), **summary}))
         return
     console = _console()
     for entry in summary["scenarios"]:

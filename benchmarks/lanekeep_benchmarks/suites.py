@@ -119,7 +119,7 @@ def road_suite(file: Path) -> Suite:
     ((road, speed),) = build_roads(definition.road, definition.speed)
     # Hairpins need more steering than a country road: half as much again as the tightest curve asks for.
     tightest = math.atan(definition.vehicle.wheelbase * road.peak_curvature)
-    keywords["max_steering_angle"] = round(max(definition.max_steering_angle, 1.5 * tightest), 3)
+    keywords["max_steering_angle"] = round(max(definition.max_steering_angle, min(1.5 * tightest, 1.2)), 3)
     seconds = lap_time(road, speed)
     # A car outside its lane's centre in curves needs longer; on a closed road it gets the time to finish its lap.
     margin = 1.03 if road.closed else 1.0

@@ -9,7 +9,6 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from lanekeep_env import layout as at
-from lanekeep_env.envs import road_kernel
 from lanekeep_env.envs.road_lanes import RoadLanes
 from lanekeep_env.roads import Road
 from lanekeep_env.scenario import Channel, LaneKeepScenario

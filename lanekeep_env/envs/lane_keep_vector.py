@@ -76,6 +76,11 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._core = RoadLanes(self.scenario, num_envs, dtype, code, max_episode_steps)
+        # What the lanes that a masked reset leaves alone showed last.
+        self._last = (
+            np.zeros((num_envs, self._core.num_channels), dtype=np.float32),
+            np.zeros((at.OUTCOME_ROWS, num_envs), dtype=dtype),
+        )
         self._threads = num_threads
         self._same_step = code == at.SAME_STEP
         self._everyone = np.ones(num_envs, dtype=np.bool_)
@@ -103,7 +108,7 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         mask = self._mask(options.pop("reset_mask", None))
         core = self._core
         if seed is None or isinstance(seed, (int, np.integer)):
-            super().reset(seed=seed)  # type: ignore[arg-type]
+            super().reset(seed=seed)
             seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         else:
             seeds = list(seed)
@@ -111,14 +116,10 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 raise ValueError(f"seed has {len(seeds)} entries; it must be one number or {self.num_envs} of them")
         if seed is not None or not core.seeded:
             core.seed([s if chosen else None for s, chosen in zip(seeds, mask, strict=True)])
-        if mask is self._everyone or not hasattr(self, "_last"):
-            observation = np.empty((self.num_envs, core.num_channels), dtype=np.float32)
-            outcome = np.zeros((at.OUTCOME_ROWS, self.num_envs), dtype=core.dtype)
-        else:
-            observation, outcome = (array.copy() for array in self._last)
+        observation, outcome = (array.copy() for array in self._last)
         core.reset(options, mask, observation, outcome)
         self._last = (observation, outcome)
-        return observation.copy(), self._infos(outcome, mask)
+        return observation, self._infos(outcome, mask)
 
     def _mask(self, mask: np.ndarray | None) -> np.ndarray:
         if mask is None:
@@ -145,7 +146,18 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         observation = np.empty((n, channels), dtype=np.float32)
         outcome = np.empty((at.OUTCOME_ROWS, n), dtype=core.dtype)
         final = np.empty((n, at.OUTCOME_ROWS + channels) if self._same_step else (0, 0), dtype=core.dtype)
-        arguments = (0, len(core.lanes), core.lanes, core.counters, core.road, core.roads, core.settings, given, observation, outcome)
+        arguments = (
+            0,
+            len(core.lanes),
+            core.lanes,
+            core.counters,
+            core.road,
+            core.roads,
+            core.settings,
+            given,
+            observation,
+            outcome,
+        )
         if self._threads == 1:
             core.step(*arguments, final)
         else:

@@ -267,7 +267,9 @@ def step_linear_parallel(begin, end, lanes, counters, road, roads, settings, act
 
 
 @kernel(parallel=True)
-def step_magic_formula_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+def step_magic_formula_parallel(
+    begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final
+):
     for k in prange(begin, end):
         step_magic_formula(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome, final)
 

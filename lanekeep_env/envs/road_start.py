@@ -41,7 +41,9 @@ def cross_segments(k, lanes, counters, road):
             over = along[i] - length[i]
             slope = block[at.CURVATURE_SLOPE, i]
             old = block[at.CURVATURE, i] + slope * length[i]
-            load_segment(i, np.int64(road[counters[at.SEGMENT, first + i], at.R_NEXT]), block, counters[:, first:], road)
+            load_segment(
+                i, np.int64(road[counters[at.SEGMENT, first + i], at.R_NEXT]), block, counters[:, first:], road
+            )
             new = block[at.CURVATURE, i]
             jump = old - new
             bend = (slope - block[at.CURVATURE_SLOPE, i]) * over * like(over, 0.5)

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from lanekeep_env.compile import helper, inline
 from lanekeep_env import layout as at
+from lanekeep_env.compile import helper, inline
 from lanekeep_env.physics.numeric import larger, like
 from lanekeep_env.physics.single_track import (
     dynamic_linear,
@@ -39,16 +39,32 @@ def _on_segment(along):
     return larger(along, like(along, 0.0))
 
 
+def _named(model: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a closure a name of its own before it is compiled.
+
+    Compiled code is linked by qualified name: kernels that different processes cached would otherwise
+    take each other's ``advance`` once a third process loads both.
+    """
+
+    def rename(function: Callable[..., Any]) -> Callable[..., Any]:
+        function.__qualname__ = function.__name__ = f"{function.__name__}_{model.__name__}"
+        return function
+
+    return rename
+
+
 def integrator(rates: Callable[..., Any]) -> Callable[..., Any]:
     """Return the compiled loop that advances a block of lanes with a vehicle model of `single_track`."""
 
     @inline
+    @_named(rates)
     def stage(along, d, theta, beta, r, steer, road, car):
         forward = _on_segment(along)
         v = _profile_speed(forward, road[2], road[3])
         return rates(d, theta, beta, r, steer, v, road[0] + road[1] * forward, car)
 
     @helper
+    @_named(rates)
     def advance(lanes, command_row, settings):
         """Advance the lanes of a block by one sub-step, in place; ``command_row`` holds the steering command."""
         along_, d_, theta_ = lanes[at.ALONG], lanes[at.LATERAL], lanes[at.HEADING]
@@ -94,6 +110,7 @@ def shower(outputs: Callable[..., Any]) -> Callable[..., Any]:
     """Return the compiled loop that writes speed, sideslip, yaw rate and lateral acceleration of lanes."""
 
     @helper
+    @_named(outputs)
     def show(lanes):
         """Write the rows SPEED, SIDESLIP, YAW_RATE and ACCELERATION of a block."""
         along_, speed_, gain_ = lanes[at.ALONG], lanes[at.SPEED_SQUARED], lanes[at.SPEED_SQUARED_SLOPE]

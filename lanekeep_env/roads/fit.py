@@ -163,9 +163,7 @@ def _close(road: Road) -> Road:
         effect = road.lengths * np.stack([np.ones(len(arm)), -arm[:, 1], arm[:, 0]])
         weighted = effect / road.lengths
         change = weighted.T @ np.linalg.solve(effect @ weighted.T, np.array([excess, *gap]))
-        road = replace(
-            road, curvature_start=road.curvature_start + change, curvature_end=road.curvature_end + change
-        )
+        road = replace(road, curvature_start=road.curvature_start + change, curvature_end=road.curvature_end + change)
     raise ValueError(f"the loop does not close: {np.hypot(*gap):.2g} m and {excess:.2g} rad are left")
 
 

@@ -55,7 +55,9 @@ class CircleRoad(RoadRecord):
     radius: float = 150.0
 
     def __post_init__(self) -> None:
-        require("road.radius", abs(self.radius) if isinstance(self.radius, float | int) else self.radius, "m", above=0.0)
+        require(
+            "road.radius", abs(self.radius) if isinstance(self.radius, float | int) else self.radius, "m", above=0.0
+        )
 
     def build(self) -> tuple[Road, ...]:
         """One road."""

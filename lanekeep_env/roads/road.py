@@ -122,9 +122,7 @@ class Road:
         part = np.arange(len(owner)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
         rise = (self.curvature_end - self.curvature_start)[owner] / pieces[owner]
         start = self.curvature_start[owner] + rise * part
-        return replace(
-            self, lengths=(self.lengths / pieces)[owner], curvature_start=start, curvature_end=start + rise
-        )
+        return replace(self, lengths=(self.lengths / pieces)[owner], curvature_start=start, curvature_end=start + rise)
 
     def check_lane(self, half_width: float) -> None:
         """Raise ValueError where the road turns so tightly that a lane of that half width folds over itself."""

@@ -52,8 +52,7 @@ class RoadFile(RoadRecord):
 RoadSpec = RoadRecord
 
 ROADS: dict[str, type[RoadRecord]] = {
-    record.kind: record
-    for record in (StraightRoad, CircleRoad, SlalomRoad, SineRoad, RandomRoads, YinRoad, RoadFile)
+    record.kind: record for record in (StraightRoad, CircleRoad, SlalomRoad, SineRoad, RandomRoads, YinRoad, RoadFile)
 }
 
 
@@ -74,6 +73,8 @@ def road_from(value: str | Mapping[str, Any] | RoadRecord | Path) -> RoadRecord:
     settings = dict(value)
     kind = settings.pop("kind", None)
     if kind not in ROADS:
+        if kind is None:
+            raise ValueError(f"road={value!r} lacks 'kind'; allowed: {', '.join(ROADS)}")
         generators = [name for name in ROADS if name != "file"]
         raise ValueError(
             f"road={kind!r} is unknown{nearest(str(kind), generators)}; "

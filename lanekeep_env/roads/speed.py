@@ -105,7 +105,9 @@ def speed_from(value: float | Mapping[str, Any] | SpeedSpec | None) -> SpeedSpec
     if isinstance(value, ConstantSpeed | LimitedSpeed):
         return value
     if isinstance(value, Mapping):
-        return from_mapping(ConstantSpeed if "speed" in value else LimitedSpeed, value, "speed")
+        if "speed" in value:
+            return from_mapping(ConstantSpeed, value, "speed")
+        return from_mapping(LimitedSpeed, value, "speed")
     if isinstance(value, Real):
         return ConstantSpeed(float(value))
     raise ValueError(f"speed={value!r} must be a number in m/s or a mapping of LimitedSpeed's fields")

@@ -7,7 +7,7 @@ import pytest
 import lanekeep_env
 
 pytest.importorskip("stable_baselines3")
-from lanekeep_agents import sb3_vec_env  # noqa: E402
+from lanekeep_agents import sb3_vec_env
 
 
 @pytest.mark.parametrize("name", sorted(lanekeep_env.ENVIRONMENTS))
@@ -48,8 +48,18 @@ def test_ppo_learns_from_it():
         return VecMonitor(env)
 
     env = VecNormalize(make(0), norm_reward=True)
-    model = PPO("MlpPolicy", env, n_steps=50, batch_size=640, n_epochs=5, gamma=0.98, seed=0, device="cpu",
-                policy_kwargs={"log_std_init": -2.5, "net_arch": [32]}, learning_rate=3e-3)
+    model = PPO(
+        "MlpPolicy",
+        env,
+        n_steps=50,
+        batch_size=640,
+        n_epochs=5,
+        gamma=0.98,
+        seed=0,
+        device="cpu",
+        policy_kwargs={"log_std_init": -2.5, "net_arch": [32]},
+        learning_rate=3e-3,
+    )
 
     def mean_return(policy):
         test = make(10_000)

@@ -100,6 +100,7 @@ def test_bench_on_a_road_of_ones_own_drives_a_whole_lap(oval, tmp_path, capsys):
     arguments = ["--road", str(oval), "--episodes", "2", "--policies", "yin-lqr-feedforward", "--json"]
     assert main(["bench", *arguments, "--out", str(out)]) == 0
     summary = json.loads(capsys.readouterr().out)
+    assert summary["folder"] == str(out)
     (scenario,) = summary["scenarios"]
     length = 400 + 2 * math.pi * 80
     radius_speed = math.sqrt(0.4 * 9.81 * 80)
