@@ -83,13 +83,13 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
     control_step, duration; and dtype ("float64" or "float32"), the precision of the simulation.
 
     ```python
-    gym.make("lanekeep/LaneKeep-v0", vehicle="commonroad-2", tyre="magic_formula", road={"kind": "circle", "radius": 200})
+    gym.make("lanekeep/LaneKeep-v0", vehicle="commonroad-2", tyre="magic_formula", road="yin", preview=20)
     ```
 
     ## Vectorized environment
 
     ```python
-    gym.make_vec("lanekeep/LaneKeep-v0", num_envs=1024, vectorization_mode="vector_entry_point", dtype="float32", num_threads=2)
+    gym.make_vec("lanekeep/LaneKeep-v0", num_envs=1024, vectorization_mode="vector_entry_point", dtype="float32")
     ```
 
     Lane i after `reset(seed=s)` follows the single environment after `reset(seed=s + i)`.
@@ -99,7 +99,7 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
     * v0: first version.
     """
 
-    metadata = {"render_modes": [], "render_fps": 20}
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20}  # noqa: RUF012 (as Gymnasium declares it)
 
     def __init__(self, *, render_mode: str | None = None, dtype: str = "float64", **scenario: Any) -> None:
         check_modes(render_mode, dtype)

@@ -245,7 +245,7 @@ def step_linear(begin, end, lanes, counters, road, roads, settings, action, obse
 
 
 @kernel()
-def step_magic_formula(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+def step_magic(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_magic_formula(lanes[k], _acting(substep, lanes, settings), settings)
@@ -267,19 +267,17 @@ def step_linear_parallel(begin, end, lanes, counters, road, roads, settings, act
 
 
 @kernel(parallel=True)
-def step_magic_formula_parallel(
-    begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final
-):
+def step_magic_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
     for k in prange(begin, end):
-        step_magic_formula(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome, final)
+        step_magic(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome, final)
 
 
 #: Kernel of one control step by vehicle model, on one thread and on several.
-STEP = {at.KINEMATIC: step_kinematic, at.LINEAR: step_linear, at.MAGIC_FORMULA: step_magic_formula}
+STEP = {at.KINEMATIC: step_kinematic, at.LINEAR: step_linear, at.MAGIC_FORMULA: step_magic}
 STEP_PARALLEL = {
     at.KINEMATIC: step_kinematic_parallel,
     at.LINEAR: step_linear_parallel,
-    at.MAGIC_FORMULA: step_magic_formula_parallel,
+    at.MAGIC_FORMULA: step_magic_parallel,
 }
 
 

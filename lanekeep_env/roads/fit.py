@@ -55,7 +55,7 @@ def _with_margins(points: Floats) -> Floats:
 
 
 def _mirrored(points: Floats) -> Floats:
-    """The last points, newest first, mirrored at the normal through the last one; `MARGIN` m of them or half the line."""
+    """Up to `MARGIN` m of points before the end, newest first, mirrored at the normal through it."""
     back = points[::-1]
     chord = np.hypot(*np.diff(back, axis=0).T)
     count = int(np.clip(np.searchsorted(np.cumsum(chord), MARGIN) + 1, 2, len(points) // 2))
