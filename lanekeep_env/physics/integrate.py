@@ -1,8 +1,10 @@
 """Classical Runge-Kutta (RK4) over the lanes of a block, one sub-step of ``h`` seconds.
 
-Measured order: 4 while a sub-step stays inside one road segment. Steering is advanced exactly (a held
-command through a first-order lag) to the middle and the end of the sub-step, so RK4 sees its true
-values there. Along a segment curvature is linear and the squared speed is linear in arc length.
+Measured order: 4 while a sub-step stays inside one road segment. What comes from outside is known at
+the start, middle and end of a sub-step: steering exactly (a held command through a first-order lag),
+speed from the profile at the start and with the profile's acceleration from there (the profile is
+linear in v² over arc length, so a car on the centre line keeps it exactly; any other is set right again
+at the next sub-step). Curvature is looked up at every stage.
 """
 
 from __future__ import annotations
@@ -27,16 +29,16 @@ from lanekeep_env.physics.steering import advance_steering
 
 
 @inline
-def _profile_speed(along, speed_squared, slope):
-    """Speed where the car is, m/s; ``along`` counts from the segment's start and is not negative."""
-    squared = speed_squared + slope * along
-    return np.sqrt(larger(squared, like(squared, 0.0)))
+def _not_negative(x):
+    """Return max(x, 0): behind its segment's start (driving backwards) a car meets the start's curvature."""
+    return larger(x, like(x, 0.0))
 
 
 @inline
-def _on_segment(along):
-    """Behind the segment's start (a car driving backwards) the start's curvature and speed hold."""
-    return larger(along, like(along, 0.0))
+def _profile_speed(along, speed_squared, slope):
+    """Speed where the car is, m/s; ``along`` counts from the segment's start and is not negative."""
+    squared = speed_squared + slope * along
+    return np.sqrt(_not_negative(squared))
 
 
 def _named(model: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -58,10 +60,8 @@ def integrator(rates: Callable[..., Any]) -> Callable[..., Any]:
 
     @inline
     @_named(rates)
-    def stage(along, d, theta, beta, r, steer, road, car):
-        forward = _on_segment(along)
-        v = _profile_speed(forward, road[2], road[3])
-        return rates(d, theta, beta, r, steer, v, road[0] + road[1] * forward, car)
+    def stage(along, d, theta, beta, r, steer, v, curvature, slope, car):
+        return rates(d, theta, beta, r, steer, v, curvature + slope * _not_negative(along), car)
 
     @helper
     @_named(rates)
@@ -78,24 +78,30 @@ def integrator(rates: Callable[..., Any]) -> Callable[..., Any]:
         h = settings[at.STEP_TIME]
         ideal = settings[at.IDEAL_STEERING] > like(h, 0.0)
         half = h * like(h, 0.5)
+        quarter = h * like(h, 0.25)  # the slope of v² is twice the acceleration
         sixth = h * like(h, 1.0 / 6.0)
         two = like(h, 2.0)
         for i in range(lanes.shape[1]):
             x, d, t, b, r = along_[i], d_[i], theta_[i], beta_[i], r_[i]
-            road = (curvature_[i], slope_[i], speed_[i], gain_[i])
+            k, dk = curvature_[i], slope_[i]
+            v = _profile_speed(_not_negative(x), speed_[i], gain_[i])
+            v_middle = _not_negative(v + quarter * gain_[i])
+            v_end = _not_negative(v + half * gain_[i])
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i])
             begin, command, response, change = steer_[i], command_[i], response_[i], change_[i]
             begin = command if ideal else begin  # the road wheel follows at once
             middle = advance_steering(begin, command, response, change)
             end = advance_steering(middle, command, response, change)
-            x1, d1, t1, b1, r1 = stage(x, d, t, b, r, begin, road, car)
+            x1, d1, t1, b1, r1 = stage(x, d, t, b, r, begin, v, k, dk, car)
             x2, d2, t2, b2, r2 = stage(
-                x + half * x1, d + half * d1, t + half * t1, b + half * b1, r + half * r1, middle, road, car
+                x + half * x1, d + half * d1, t + half * t1, b + half * b1, r + half * r1, middle, v_middle, k, dk, car
             )
             x3, d3, t3, b3, r3 = stage(
-                x + half * x2, d + half * d2, t + half * t2, b + half * b2, r + half * r2, middle, road, car
+                x + half * x2, d + half * d2, t + half * t2, b + half * b2, r + half * r2, middle, v_middle, k, dk, car
             )
-            x4, d4, t4, b4, r4 = stage(x + h * x3, d + h * d3, t + h * t3, b + h * b3, r + h * r3, end, road, car)
+            x4, d4, t4, b4, r4 = stage(
+                x + h * x3, d + h * d3, t + h * t3, b + h * b3, r + h * r3, end, v_end, k, dk, car
+            )
             along_[i] = x + sixth * (x1 + two * (x2 + x3) + x4)
             d_[i] = d + sixth * (d1 + two * (d2 + d3) + d4)
             theta_[i] = t + sixth * (t1 + two * (t2 + t3) + t4)
@@ -121,7 +127,7 @@ def shower(outputs: Callable[..., Any]) -> Callable[..., Any]:
         v_, acceleration_ = lanes[at.SPEED], lanes[at.ACCELERATION]
         for i in range(lanes.shape[1]):
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i])
-            v = _profile_speed(_on_segment(along_[i]), speed_[i], gain_[i])
+            v = _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
             v_[i] = v
             beta_[i], r_[i], acceleration_[i] = outputs(beta_[i], r_[i], steer_[i], v, car)
 

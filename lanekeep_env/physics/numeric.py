@@ -38,22 +38,19 @@ def sin_cos(x):
     y = x - turns * like(x, 3.140625) - turns * like(x, 9.67653589793e-4)
     odd = turns - like(x, 2.0) * np.floor(turns * like(x, 0.5))
     sign = like(x, 1.0) - like(x, 2.0) * odd
+    # Pairs of terms first (Estrin): half the waiting of Horner's rule, which counts with a single car.
     z = y * y
-    sine = like(x, 1.5410689605068871e-10)
-    sine = sine * z + like(x, -2.503023247596401e-08)
-    sine = sine * z + like(x, 2.755695201864869e-06)
-    sine = sine * z + like(x, -0.0001984126667292234)
-    sine = sine * z + like(x, 0.008333333320306441)
-    sine = sine * z + like(x, -0.16666666666465735)
-    sine = sine * z + like(x, 0.9999999999999497)
-    cosine = like(x, -1.1005800269238226e-11)
-    cosine = cosine * z + like(x, 2.0858125609342497e-09)
-    cosine = cosine * z + like(x, -2.755692852013183e-07)
-    cosine = cosine * z + like(x, 2.4801582743059704e-05)
-    cosine = cosine * z + like(x, -0.0013888888859824458)
-    cosine = cosine * z + like(x, 0.04166666666574571)
-    cosine = cosine * z + like(x, -0.49999999999988576)
-    cosine = cosine * z + like(x, 0.9999999999999977)
+    z2 = z * z
+    z4 = z2 * z2
+    s01 = like(x, 0.9999999999999497) + z * like(x, -0.16666666666465735)
+    s23 = like(x, 0.008333333320306441) + z * like(x, -0.0001984126667292234)
+    s45 = like(x, 2.755695201864869e-06) + z * like(x, -2.503023247596401e-08)
+    sine = (s01 + z2 * s23) + z4 * (s45 + z2 * like(x, 1.5410689605068871e-10))
+    c01 = like(x, 0.9999999999999977) + z * like(x, -0.49999999999988576)
+    c23 = like(x, 0.04166666666574571) + z * like(x, -0.0013888888859824458)
+    c45 = like(x, 2.4801582743059704e-05) + z * like(x, -2.755692852013183e-07)
+    c67 = like(x, 2.0858125609342497e-09) + z * like(x, -1.1005800269238226e-11)
+    cosine = (c01 + z2 * c23) + z4 * (c45 + z2 * c67)
     return sign * y * sine, sign * cosine
 
 

@@ -131,7 +131,8 @@ class Road:
         if peaks[tightest] * half_width >= 1.0:
             raise ValueError(
                 f"road {self.name!r} has a radius of {1 / peaks[tightest]:.3g} m at "
-                f"s = {self.stations[tightest]:.1f} m; a lane {2 * half_width:g} m wide needs more than {half_width:g} m"
+                f"s = {self.stations[tightest]:.1f} m; "
+                f"a lane {2 * half_width:g} m wide needs more than {half_width:g} m"
             )
 
 
