@@ -98,7 +98,8 @@ STEERING_ANGLE, STEERING_RATE = 0, 1
 TERMINATE, COST, OFF = 0, 1, 2
 NO_AUTORESET, NEXT_STEP, SAME_STEP = 0, 1, 2
 
-# outcome: (rows, n) float
+# outcome: (rows, n) float. In same-step autoreset OUTCOME_ROWS and as many rows as there are channels follow:
+# what the last step of an ended episode gave, and its observation.
 O_REWARD = 0
 O_TERMINATED = 1
 O_TRUNCATED = 2

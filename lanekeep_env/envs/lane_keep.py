@@ -9,11 +9,12 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from lanekeep_env import layout as at
+from lanekeep_env.checks import choose
 from lanekeep_env.envs.road_lanes import RoadLanes
 from lanekeep_env.roads import Road
 from lanekeep_env.scenario import Channel, LaneKeepScenario
 
-_NO_FINAL = {name: np.zeros((0, 0), dtype=name) for name in ("float32", "float64")}
+PRECISIONS = ("float64", "float32")
 
 
 def observation_space(scenario: LaneKeepScenario) -> Box:
@@ -138,7 +139,7 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
             core.seeded = True
         core.reset(options, np.ones(1, dtype=np.bool_), self._observation, self._outcome)
         self._bind()
-        return self._seen.copy(), self._told()[2]
+        return self._seen.copy(), self._info(self._truth.tolist(), False)
 
     def _bind(self) -> None:
         """Keep views and the kernel's arguments at hand: making them at each step costs a third of its time."""
@@ -146,18 +147,24 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
         self._seen, self._truth = self._observation[0], self._outcome[:, 0]
         if core.seeded:
             state = (core.lanes, core.counters, core.road, core.roads, core.settings)
-            self._arguments = (0, 1, *state, self._action, self._observation, self._outcome, _NO_FINAL[core.dtype])
+            self._arguments = (0, 1, *state, self._action, self._observation, self._outcome)
+            self._step = core.step
 
     def __getstate__(self) -> dict[str, Any]:
         # Views would come back as copies.
-        return {k: v for k, v in self.__dict__.items() if k not in ("_seen", "_truth", "_arguments")}
+        return {k: v for k, v in self.__dict__.items() if k not in ("_seen", "_truth", "_arguments", "_step")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._bind()
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Advance by one control step; see the class's docstring."""
+        """Advance by one control step; see the class's docstring.
+
+        Raises:
+            ValueError: an action of another shape than (1,), or NaN.
+            gymnasium.error.ResetNeeded: no episode was started.
+        """
         given = action if isinstance(action, np.ndarray) else np.asarray(action, dtype=np.float32)
         if given.shape != (1,):
             raise ValueError(f"action={action!r} has shape {given.shape}; it must have shape (1,), in [-1, 1]")
@@ -166,35 +173,31 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
             raise ValueError(f"action={action!r} is NaN; it must be a number in [-1, 1]")
         self._action[0] = value
         try:
-            self._core.step(*self._arguments)
+            self._step(*self._arguments)
         except AttributeError:
             raise gym.error.ResetNeeded("call reset() before step()") from None
-        reward, terminated, info = self._told()
-        return self._seen.copy(), reward, terminated, False, info
+        told = self._truth.tolist()
+        terminated = told[at.O_TERMINATED] > 0.0
+        return self._seen.copy(), told[at.O_REWARD], terminated, False, self._info(told, terminated)
 
-    def _told(self) -> tuple[float, bool, dict[str, Any]]:
-        """Reward, termination and info of the last kernel call."""
-        reward, ended, _, lateral, heading, acceleration, rate, speed, station, cost, success = self._truth.tolist()
-        return (
-            reward,
-            ended > 0.0,
-            {
-                "lateral_error": lateral,
-                "heading_error": heading,
-                "lateral_acceleration": acceleration,
-                "steering_rate": rate,
-                "speed": speed,
-                "arc_length": station,
-                "cost": cost,
-                "is_success": success > 0.0,
-                "termination": int(ended),
-            },
-        )
+    @staticmethod
+    def _info(told: list[float], terminated: bool) -> dict[str, Any]:
+        _, _, _, lateral, heading, acceleration, rate, speed, station, cost, success = told
+        return {
+            "lateral_error": lateral,
+            "heading_error": heading,
+            "lateral_acceleration": acceleration,
+            "steering_rate": rate,
+            "speed": speed,
+            "arc_length": station,
+            "cost": cost,
+            "is_success": success > 0.0,
+            "termination": 1 if terminated else 0,
+        }
 
 
 def check_modes(render_mode: str | None, dtype: str) -> None:
     """Raise ValueError for a render mode or precision that does not exist."""
     if render_mode is not None:
         raise ValueError(f"render_mode={render_mode!r} is not available; allowed: None")
-    if dtype not in _NO_FINAL:
-        raise ValueError(f"dtype={dtype!r} is unknown; allowed: {', '.join(_NO_FINAL)}")
+    choose("dtype", dtype, PRECISIONS)

@@ -144,8 +144,8 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             raise ValueError("call reset() before step()")
         n, channels = self.num_envs, core.num_channels
         observation = np.empty((n, channels), dtype=np.float32)
-        outcome = np.empty((at.OUTCOME_ROWS, n), dtype=core.dtype)
-        final = np.empty((n, at.OUTCOME_ROWS + channels) if self._same_step else (0, 0), dtype=core.dtype)
+        rows = 2 * at.OUTCOME_ROWS + channels if self._same_step else at.OUTCOME_ROWS
+        outcome = np.empty((rows, n), dtype=core.dtype)
         arguments = (
             0,
             len(core.lanes),
@@ -159,17 +159,17 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             outcome,
         )
         if self._threads == 1:
-            core.step(*arguments, final)
+            core.step(*arguments)
         else:
             numba.set_num_threads(self._threads)
-            core.step_parallel(*arguments, final)
+            core.step_parallel(*arguments)
         self._last = (observation, outcome)
         terminated = outcome[at.O_TERMINATED] > 0.0
         truncated = outcome[at.O_TRUNCATED] > 0.0
         infos = self._infos(outcome, self._everyone)
         if self._same_step:
             infos["termination"] = np.zeros(n, dtype=np.int64)  # of the episodes that just began
-            self._add_final(infos, final, terminated | truncated)
+            self._add_final(infos, outcome, terminated | truncated)
         return observation, outcome[at.O_REWARD], terminated, truncated, infos
 
     def _infos(self, outcome: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
@@ -183,13 +183,14 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         infos["_termination"] = mask
         return infos
 
-    def _add_final(self, infos: dict[str, Any], final: np.ndarray, ended: np.ndarray) -> None:
+    def _add_final(self, infos: dict[str, Any], outcome: np.ndarray, ended: np.ndarray) -> None:
         """Gymnasium's same-step convention: the last observation and info of the episodes that ended."""
         if not ended.any():
             return
         observations = np.full(self.num_envs, None, dtype=object)
+        final = outcome[2 * at.OUTCOME_ROWS :].T.astype(np.float32)
         for lane in np.flatnonzero(ended):
-            observations[lane] = final[lane, at.OUTCOME_ROWS :].astype(np.float32)
+            observations[lane] = final[lane]
         infos["final_obs"], infos["_final_obs"] = observations, ended
-        truth = np.where(ended, final[:, : at.OUTCOME_ROWS].T, 0.0)
+        truth = np.where(ended, outcome[at.OUTCOME_ROWS : 2 * at.OUTCOME_ROWS], 0.0)
         infos["final_info"], infos["_final_info"] = self._infos(truth, ended), ended

@@ -167,7 +167,7 @@ def _start(i, lateral, heading, station, road_index, lanes, counters, road, road
 
 
 @helper
-def _restart(n, lanes, counters, road, roads, settings, observation, outcome, final):
+def _restart(n, lanes, counters, road, roads, settings, observation, outcome):
     """Start new episodes where the autoreset mode says so."""
     mode = np.int64(settings[at.AUTORESET])
     zero, one, nan = like(lanes[0, 0], 0.0), like(lanes[0, 0], 1.0), np.nan
@@ -183,16 +183,16 @@ def _restart(n, lanes, counters, road, roads, settings, observation, outcome, fi
             lanes[at.DONE, i] = one
             if mode == at.SAME_STEP:
                 for row in range(at.OUTCOME_ROWS):
-                    final[i, row] = outcome[row, i]
+                    outcome[at.OUTCOME_ROWS + row, i] = outcome[row, i]
                 for channel in range(observation.shape[1]):
-                    final[i, at.OUTCOME_ROWS + channel] = observation[i, channel]
+                    outcome[2 * at.OUTCOME_ROWS + channel, i] = observation[i, channel]
                 starts = True
         if starts:
             _start(i, nan, nan, nan, nan, lanes, counters, road, roads, settings, observation, outcome)
 
 
 @helper
-def _finish(k, lanes, counters, road, roads, settings, action, observation, outcome, final):
+def _finish(k, lanes, counters, road, roads, settings, action, observation, outcome):
     """Judge the step of block ``k``, tell its truth and observations, start the next episodes."""
     first = k * lanes.shape[2]
     last = min(first + lanes.shape[2], action.shape[0])
@@ -216,60 +216,59 @@ def _finish(k, lanes, counters, road, roads, settings, action, observation, outc
     begin = np.int64(0)  # a literal would be a type of its own and compile both functions twice
     _report(begin, n, block, told)
     _observe(begin, n, block, counted, road, settings, seen)
-    _restart(n, block, counted, road, roads, settings, seen, told, final[first:last])
+    _restart(n, block, counted, road, roads, settings, seen, told)
 
 
 # One control step of the blocks ``begin`` to ``end``; one kernel a vehicle model, so that a process
-# compiles only what it uses. ``final`` (n, OUTCOME_ROWS + channels) receives what a lane's last step gave
-# where the same step already starts the next episode. numba's cache wants kernels spelled out.
+# compiles only what it uses. numba's cache wants kernels spelled out.
 
 
 @kernel()
-def step_kinematic(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+def step_kinematic(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_kinematic(lanes[k], _acting(substep, lanes, settings), settings)
             cross_segments(k, lanes, counters, road)
         show_kinematic(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, action, observation, outcome, final)
+        _finish(k, lanes, counters, road, roads, settings, action, observation, outcome)
 
 
 @kernel()
-def step_linear(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+def step_linear(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_linear(lanes[k], _acting(substep, lanes, settings), settings)
             cross_segments(k, lanes, counters, road)
         show_linear(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, action, observation, outcome, final)
+        _finish(k, lanes, counters, road, roads, settings, action, observation, outcome)
 
 
 @kernel()
-def step_magic(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+def step_magic(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_magic_formula(lanes[k], _acting(substep, lanes, settings), settings)
             cross_segments(k, lanes, counters, road)
         show_magic_formula(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, action, observation, outcome, final)
+        _finish(k, lanes, counters, road, roads, settings, action, observation, outcome)
 
 
 @kernel(parallel=True)
-def step_kinematic_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+def step_kinematic_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
     for k in prange(begin, end):
-        step_kinematic(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome, final)
+        step_kinematic(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome)
 
 
 @kernel(parallel=True)
-def step_linear_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+def step_linear_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
     for k in prange(begin, end):
-        step_linear(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome, final)
+        step_linear(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome)
 
 
 @kernel(parallel=True)
-def step_magic_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome, final):
+def step_magic_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
     for k in prange(begin, end):
-        step_magic(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome, final)
+        step_magic(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome)
 
 
 #: Kernel of one control step by vehicle model, on one thread and on several.
