@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import lanekeep_baselines
+import lanekeep_env
 from lanekeep_benchmarks import plots
 from lanekeep_benchmarks.evaluate import EpisodeResult, Policy, episode_seed, evaluate, make_lanes, record
 from lanekeep_benchmarks.report import markdown, summarise
 from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder, default_folder
+from lanekeep_benchmarks.run_record import RunRecord, code_hash
 from lanekeep_benchmarks.suites import Suite, road_suite, suite_named
 from lanekeep_env import LaneKeepScenario
 from lanekeep_env.checks import nearest, require
@@ -26,7 +28,8 @@ class Plan:
     policies: list[str]
     episodes: int
     seed: int
-    is_road: bool
+    road: Path | None
+    scenario_hash: dict[str, str] = field(default_factory=dict)
     results: list[EpisodeResult] = field(default_factory=list)
     _made: dict[tuple[str, str], Policy] = field(default_factory=dict)
 
@@ -42,6 +45,52 @@ class Plan:
         """Number of episodes to drive."""
         return len(self.suite.scenarios) * len(self.policies) * self.episodes
 
+    @property
+    def record(self) -> RunRecord:
+        """What `run.json` keeps of it."""
+        return RunRecord(
+            version=lanekeep_env.__version__,
+            code=code_hash(),
+            suite=self.suite.name,
+            road=None if self.road is None else str(self.road),
+            policies=self.policies,
+            episodes=self.episodes,
+            seed=self.seed,
+            scenario_hash=self.scenario_hash,
+        )
+
+
+def open_run(
+    suite: str | None,
+    policies: str | None,
+    road: Path | None,
+    episodes: int | None,
+    seed: int | None,
+    *,
+    out: Path | None,
+    overwrite: bool = False,
+    resume: bool = False,
+) -> tuple[Plan, ResultFolder]:
+    """Read the options and open the folder; what a resumed run has driven already is in the plan's results.
+
+    Raises:
+        ValueError, OSError: options that are not allowed, or a folder that holds results which must stay.
+    """
+    if resume and out is None:
+        raise ValueError("--resume needs --out, the folder of the run to complete")
+    if resume and overwrite:
+        raise ValueError("--resume and --overwrite exclude each other; the one keeps results, the other removes them")
+    if resume and out is not None and (found := RunRecord.read(out)) is not None:
+        if suite is None and road is None:
+            suite, road = (found.suite, None) if found.road is None else (None, Path(found.road))
+        policies = ",".join(found.policies) if policies is None else policies
+        episodes = found.episodes if episodes is None else episodes
+        seed = found.seed if seed is None else seed
+    plan = make_plan(suite, policies, road, episodes, 0 if seed is None else seed)
+    folder = ResultFolder(out or default_folder(plan.suite.name), plan.record, overwrite, resume)
+    plan.results += folder.earlier
+    return plan, folder
+
 
 def make_plan(suite: str | None, policies: str | None, road: Path | None, episodes: int | None, seed: int) -> Plan:
     """Read the options; build everything once, so that nothing is driven before all of it is known to work.
@@ -55,12 +104,14 @@ def make_plan(suite: str | None, policies: str | None, road: Path | None, episod
         raise ValueError(f"suite {suite!r} and --road {road} exclude each other; give one of them")
     chosen = suite_named(suite or "classical") if road is None else road_suite(road)
     names = policy_names(policies)
-    plan = Plan(chosen, names, episodes or chosen.episodes, seed, road is not None)
+    plan = Plan(chosen, names, episodes or chosen.episodes, seed, road)
     for scenario in chosen.scenarios:
         env = make_lanes(scenario, 1)
-        for name in names:
-            plan.policy(name, env.unwrapped.scenario)
+        definition = env.unwrapped.scenario
         env.close()
+        plan.scenario_hash[scenario.name] = scenario.hash(definition.hash)
+        for name in names:
+            plan.policy(name, definition)
     return plan
 
 
@@ -78,19 +129,15 @@ def policy_names(text: str | None) -> list[str]:
     return names
 
 
-def open_folder(plan: Plan, out: Path | None, overwrite: bool) -> ResultFolder:
-    """Open the folder for the results; ValueError where it holds some already."""
-    return ResultFolder(out or default_folder(plan.suite.name), overwrite)
-
-
 def drive(plan: Plan, folder: ResultFolder) -> Iterator[tuple[str, int]]:
-    """Drive all episodes, each line on disk as its chunk ends; yield (what was driven, number of episodes)."""
+    """Drive what has no result yet, each line on disk as its chunk ends; yield (what was driven, how many)."""
     batches = evaluate(
         plan.suite,
         plan.policies,
         plan.policy,
         episodes=plan.episodes,
         seed=plan.seed,
+        done={result.place for result in plan.results},
     )
     for batch in batches:
         folder.append(batch)
@@ -113,7 +160,7 @@ def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
         title = f"{scenario.title}: episode 0, seed {plan.seed}"
         picture = plots.plot_episode(title, traces, definition.control_step, definition.lane_width)
         folder.write(f"plot_episode_{scenario.name}.png", picture)
-        if plan.is_road:
+        if plan.road is not None:
             picture = plots.plot_map(title, definition.road.build()[0], traces, definition.lane_width)
             folder.write(f"plot_map_{scenario.name}.png", picture)
     return summary

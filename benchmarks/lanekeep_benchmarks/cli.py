@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 import lanekeep_env
+from lanekeep_benchmarks.endings import Interrupted, disk_errors, input_errors, interruptible, one_line
 
 app = typer.Typer(
     name="lanekeep",
@@ -29,35 +30,25 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code. Wrong usage is one line on stderr and exit code 2."""
+    """Run the command line; return the exit code. Wrong usage and Ctrl-C are one line on stderr."""
+    advice = ""
     try:
         code = app(args=arguments, prog_name="lanekeep", standalone_mode=False)
+    except Interrupted as interrupted:
+        code, advice = 130, str(interrupted)
     except typer.Abort:
-        print("lanekeep: interrupted", file=sys.stderr)
-        return 130
+        code = 130
     except Exception as error:
         # typer's usage errors: which class they are differs between its versions, what they can do does not.
         if not hasattr(error, "format_message"):
             raise
-        message = _one_line(error.format_message())
+        message = one_line(error.format_message())
         if message:  # a bare `lanekeep` has printed its help instead
             print(f"lanekeep: {message} (see lanekeep --help)", file=sys.stderr)
         return 2
+    if code == 130:  # typer's own code for Ctrl-C, too
+        print(f"lanekeep: interrupted{advice}", file=sys.stderr)
     return code if isinstance(code, int) else 0
-
-
-def _one_line(text: object) -> str:
-    return " ".join(str(text).split())
-
-
-@contextmanager
-def _input_errors() -> Iterator[None]:
-    """Turn what the packages say about bad input into one line on stderr and exit code 2."""
-    try:
-        yield
-    except (ValueError, OSError, ImportError, gym.error.Error) as error:
-        print(f"lanekeep: {_one_line(error)}", file=sys.stderr)
-        raise typer.Exit(2) from error
 
 
 def _console(stderr: bool = False) -> Console:
@@ -109,23 +100,33 @@ def bench(
     policies: Annotated[str | None, typer.Option(help="Policies, comma-separated; the first is the reference.")] = None,
     road: Annotated[Path | None, typer.Option(help="CSV centre line (x, y in m) to drive instead of a suite.")] = None,
     episodes: Annotated[int | None, typer.Option(help="Episodes for each scenario; default: the suite's.")] = None,
-    seed: Annotated[int, typer.Option(help="Another seed, other episodes.")] = 0,
+    seed: Annotated[int | None, typer.Option(help="Another seed, other episodes; default: 0.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; default: results/SUITE-TIME.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace results in --out.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Complete the run in --out; options left out are those of that run.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Compare policies on identical episodes: table, result lines, plots.
 
     Example: lanekeep bench --policies pd,yin-lqr-observer --road my_track.csv --out results/my_track
+
+    A killed run goes on where it stopped: lanekeep bench --resume --out results/my_track
     """
     from lanekeep_benchmarks import benchmark
     from lanekeep_benchmarks.report import caption, terminal_table
 
-    with _input_errors():
-        plan = benchmark.make_plan(suite, policies, road, episodes, seed)
-        folder = benchmark.open_folder(plan, out, overwrite)
-    with folder, _progress() as progress:
-        task = progress.add_task("driving", total=plan.total)
+    with input_errors():
+        plan, folder = benchmark.open_run(
+            suite, policies, road, episodes, seed, out=out, overwrite=overwrite, resume=resume
+        )
+    how = f"; to complete the run: lanekeep bench --resume --out {shlex.quote(str(folder.path))}"
+    if resume:
+        torn = ", a torn last line was dropped" if folder.torn else ""
+        print(f"lanekeep: {len(plan.results)} of {plan.total} episodes are in {folder.path}{torn}", file=sys.stderr)
+    with interruptible(how), disk_errors(how), folder, _progress() as progress:
+        task = progress.add_task("driving", total=plan.total, completed=len(plan.results))
         for name, count in benchmark.drive(plan, folder):
             progress.update(task, advance=count, description=name)
         progress.update(task, description="tables and plots")
@@ -142,7 +143,10 @@ def bench(
 
 def _progress() -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("episodes"))
-    return Progress(*columns, TimeElapsedColumn(), console=_console(stderr=True), transient=True)
+    console = _console(stderr=True)
+    # Where nobody watches, it would leave an empty line.
+    disable = not console.is_terminal
+    return Progress(*columns, TimeElapsedColumn(), console=console, transient=True, disable=disable)
 
 
 @app.command()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 import lanekeep_env
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
+from lanekeep_env.checks import from_mapping
 
 LANES = 256
 
@@ -38,6 +39,7 @@ class Policy(Protocol):
 
 
 MakePolicy = Callable[[str, Any], Policy]
+Place = tuple[str, str, int]
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,16 @@ class EpisodeResult:
     def to_json(self) -> str:
         """One line of JSON, without the line end."""
         return json.dumps(asdict(self), allow_nan=False)
+
+    @classmethod
+    def from_json(cls, text: str | bytes) -> EpisodeResult:
+        """Read a line; ValueError or TypeError where it is not one."""
+        return from_mapping(cls, json.loads(text), "result line")
+
+    @property
+    def place(self) -> Place:
+        """What tells the line from the others of its run."""
+        return self.scenario, self.policy, self.episode
 
 
 @dataclass(frozen=True)
@@ -141,16 +153,24 @@ def evaluate(
     episodes: int,
     seed: int,
     lanes: int = LANES,
+    done: Collection[Place] = frozenset(),
 ) -> Iterator[list[EpisodeResult]]:
-    """Yield the results scenario by scenario, chunk by chunk of episodes, policy by policy, as they finish."""
+    """Yield the results scenario by scenario, chunk by chunk of episodes, policy by policy, as they finish.
+
+    Episodes in ``done`` are left out. A chunk of which some are done is driven whole all the same: with the same
+    neighbours the result is the same even where a policy's rows are not independent to the last bit.
+    """
     for scenario in suite.scenarios:
         for first in range(0, episodes, lanes):
             numbers = range(first, min(first + lanes, episodes))
+            missing = {name: {n for n in numbers if (scenario.name, name, n) not in done} for name in policies}
+            if not any(missing.values()):
+                continue
             seeds = [episode_seed(suite.name, scenario.name, number, seed) for number in numbers]
             env = make_lanes(scenario, len(seeds))
             definition = env.unwrapped.scenario
             scenario_hash = scenario.hash(definition.hash)
-            for name in policies:
+            for name in filter(missing.get, policies):
                 policy = make_policy(name, definition)
                 metrics, failed, count = measure(drive(env, policy, seeds, scenario.options), len(seeds))
                 yield [
@@ -168,6 +188,7 @@ def evaluate(
                         version=lanekeep_env.__version__,
                     )
                     for lane, number in enumerate(numbers)
+                    if number in missing[name]
                 ]
             env.close()
 

@@ -40,12 +40,18 @@ def summarise(suite: Suite, results: Iterable[EpisodeResult], policies: Sequence
     """Summary of a run: for each scenario and policy every metric with its interval, as plain JSON-able data.
 
     Differences are paired, policy minus reference on the same episodes; the reference is the first policy.
+
+    Raises:
+        ValueError: a policy has no results on a scenario, or not those of the reference's episodes.
     """
     table: dict[tuple[str, str], list[EpisodeResult]] = {}
     for result in results:
         table.setdefault((result.scenario, result.policy), []).append(result)
     scenarios = []
     for scenario in suite.scenarios:
+        for name in policies:
+            if (scenario.name, name) not in table:
+                raise ValueError(f"{scenario.name}: there are no results of {name}")
         by_policy = {name: sorted(table[scenario.name, name], key=lambda result: result.episode) for name in policies}
         first = by_policy[policies[0]]
         for name, lines in by_policy.items():
@@ -131,11 +137,15 @@ def _cell(interval: dict[str, float | None], digits: int, sign: str = "") -> tup
 
 def caption(summary: dict[str, Any]) -> str:
     """What a reader must know about the numbers, in one line."""
-    return (
-        f"{summary['episodes']} episodes a policy, the same for all (seed {summary['seed']}), lanekeep"
-        f" {summary['version']}; below each mean its {100 * summary['confidence']:.0f} % interval:"
-        " bootstrap over episodes, Wilson for the rate"
+    episodes = summary["episodes"]
+    what = (
+        f"{episodes} episode{'s' if episodes > 1 else ''} a policy, the same for all (seed {summary['seed']}),"
+        f" lanekeep {summary['version']}"
     )
+    interval = f"{100 * summary['confidence']:.0f} % interval"
+    if episodes == 1:
+        return f"{what}; below the rate Wilson's {interval}; for means, one episode allows none"
+    return f"{what}; below each mean its {interval}: bootstrap over episodes, Wilson for the rate"
 
 
 def terminal_table(scenario: dict[str, Any], reference: str) -> Table:

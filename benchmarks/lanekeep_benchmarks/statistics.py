@@ -61,10 +61,15 @@ def bootstrap_means(
     Returns:
         One Interval a column.
 
+    Raises:
+        ValueError: there is no episode.
+
     Source: B. Efron and R. J. Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
     """
     values = np.asarray(values, dtype=np.float64)
     episodes, columns = values.shape
+    if not episodes:
+        raise ValueError("values of 0 episodes are not allowed: a mean needs one, an interval two")
     means = values.mean(axis=0)
     if episodes < 2:
         return [Interval(float(mean), math.nan, math.nan) for mean in means]

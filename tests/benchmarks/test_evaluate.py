@@ -6,7 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from lanekeep_benchmarks.evaluate import drive, episode_seed, evaluate, make_lanes, record
+from lanekeep_benchmarks.evaluate import EpisodeResult, drive, episode_seed, evaluate, make_lanes, record
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
 
 SLALOM = SuiteScenario(
@@ -63,6 +63,29 @@ def test_other_policies_change_nothing(results):
     assert alone == [result for result in results if result.policy == "wild"]
 
 
+class Neighbourly:
+    """Its rows depend on each other, as those of a matrix product may in the last bit."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return (-0.1 * observation[:, :1] - 0.01 * observation[:, :1].mean()).astype(np.float32), state
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 7, 29, 30])
+def test_what_is_done_is_left_out_and_the_rest_is_the_same(count):
+    """Whichever lines of a run exist, driving the missing ones gives those lines and no other, neighbours or not."""
+
+    def drive_all(**keywords):
+        make = {"episodes": 5, "seed": 0, "lanes": 3, **keywords}
+        batches = list(evaluate(SUITE, ["a", "b", "c"], lambda *_: Neighbourly(), **make))
+        assert all(batches)  # nothing is driven for nothing
+        return [result for batch in batches for result in batch]
+
+    whole = drive_all()
+    kept = [whole[index] for index in np.random.default_rng(count).permutation(len(whole))[:count]]
+    driven = drive_all(done={result.place for result in kept})
+    assert driven == [result for result in whole if result not in kept]
+
+
 def test_more_episodes_keep_the_first_ones(results):
     more = [result for result in run(episodes=7) if result.episode < 5]
     assert more == results
@@ -114,6 +137,10 @@ def test_results_equal_a_plain_loop_over_the_single_environment(results):
             },
             rel=1e-12,
         )
+
+
+def test_a_line_is_read_as_it_was_written(results):
+    assert [EpisodeResult.from_json(result.to_json()) for result in results] == results
 
 
 def test_both_outcomes_occur(results):

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from lanekeep_benchmarks.evaluate import EpisodeResult
-from lanekeep_benchmarks.report import COLUMNS, cells, headings, markdown, summarise, terminal_table
+from lanekeep_benchmarks.report import COLUMNS, caption, cells, headings, markdown, summarise, terminal_table
 from lanekeep_benchmarks.results import EPISODES, SUMMARY, ResultFolder, write_atomic
+from lanekeep_benchmarks.run_record import RUN, RunRecord
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
 
 SUITE = Suite(
@@ -18,6 +19,7 @@ SUITE = Suite(
     (SuiteScenario("scenario", "A scenario", {"road": "random"}),),
     episodes=20,
 )
+RECORD = RunRecord("0.1.0", "c" * 16, "made-up", None, ["a", "b"], 20, 0, {"scenario": "0" * 16})
 
 
 def line(policy, episode, error, failed=False):
@@ -59,6 +61,12 @@ def test_one_episode_has_values_without_intervals():
     row = summary["scenarios"][0]["policies"][1]
     assert row["metrics"]["return"] == {"value": 1.0, "low": None, "high": None}
     assert cells(row)[1] == ("1.000", "")
+    assert "one episode allows none" in caption(summary)
+
+
+def test_a_policy_without_results_is_named(results):
+    with pytest.raises(ValueError, match="scenario: there are no results of c"):
+        summarise(SUITE, results, ["a", "c"])
 
 
 def test_tables_show_every_policy_and_number(results):
@@ -75,7 +83,7 @@ def test_tables_show_every_policy_and_number(results):
 
 
 def test_lines_are_on_disk_at_once(tmp_path, results):
-    with ResultFolder(tmp_path / "deep" / "out") as folder:
+    with ResultFolder(tmp_path / "deep" / "out", RECORD) as folder:
         folder.append(results[:2])
         lines = (folder.path / EPISODES).read_text().splitlines()
     assert [json.loads(text)["episode"] for text in lines] == [0, 1]
@@ -83,27 +91,27 @@ def test_lines_are_on_disk_at_once(tmp_path, results):
 
 
 def test_results_are_not_overwritten_unasked(tmp_path, results):
-    with ResultFolder(tmp_path) as folder:
+    with ResultFolder(tmp_path, RECORD) as folder:
         folder.append(results)
     before = (tmp_path / EPISODES).read_bytes()
     with pytest.raises(ValueError, match=re.escape(str(tmp_path)) + r" already holds results; .* --overwrite"):
-        ResultFolder(tmp_path)
+        ResultFolder(tmp_path, RECORD)
     assert (tmp_path / EPISODES).read_bytes() == before
 
 
 def test_overwrite_removes_the_old_run_and_nothing_else(tmp_path, results):
     for name in (SUMMARY, EPISODES, "plot_episode_old.png", "notes.txt", "photo.png"):
         (tmp_path / name).write_text("old")
-    with ResultFolder(tmp_path, overwrite=True) as folder:
+    with ResultFolder(tmp_path, RECORD, overwrite=True) as folder:
         folder.append(results[:1])
-    assert sorted(file.name for file in tmp_path.iterdir()) == [EPISODES, "notes.txt", "photo.png"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == [EPISODES, "notes.txt", "photo.png", RUN]
     assert len((tmp_path / EPISODES).read_text().splitlines()) == 1
 
 
 def test_a_file_is_no_folder(tmp_path):
     (tmp_path / "out").write_text("")
     with pytest.raises(ValueError, match="is a file; allowed: a folder"):
-        ResultFolder(tmp_path / "out")
+        ResultFolder(tmp_path / "out", RECORD)
 
 
 def test_atomic_write_leaves_the_old_file_when_it_fails(tmp_path, monkeypatch):
@@ -118,6 +126,12 @@ def test_atomic_write_leaves_the_old_file_when_it_fails(tmp_path, monkeypatch):
         write_atomic(target, "new")
     assert [file.name for file in tmp_path.iterdir()] == ["summary.json"]
     assert target.read_text() == "old"
+
+
+def test_what_a_killed_writer_left_is_written_over(tmp_path):
+    (tmp_path / ".summary.json.tmp").write_text("half of it, and longer than the new")
+    write_atomic(tmp_path / "summary.json", "new")
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("summary.json", "new")]
 
 
 def test_numbers_that_json_lacks_are_refused():

@@ -69,6 +69,11 @@ def test_one_episode_has_no_interval():
     assert math.isnan(ours.low) and math.isnan(ours.high)
 
 
+def test_no_episode_is_refused():
+    with pytest.raises(ValueError, match="values of 0 episodes are not allowed"):
+        bootstrap_means(np.empty((0, 3)), np.random.default_rng(0))
+
+
 @pytest.mark.parametrize(("draw", "truth"), [("normal", 1.0), ("exponential", 1.0)])
 def test_coverage_of_the_bootstrap(draw, truth):
     """400 experiments of 64 episodes: a 95 % interval covers the true mean in 91 to 98 of 100."""

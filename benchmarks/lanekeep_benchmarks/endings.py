@@ -1,0 +1,48 @@
+"""How a command ends when it cannot go on: one line on stderr and an exit code."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import gymnasium as gym
+import typer
+
+
+def one_line(text: object) -> str:
+    """Text without line ends."""
+    return " ".join(str(text).split())
+
+
+@contextmanager
+def input_errors() -> Iterator[None]:
+    """Turn what the packages say about bad input into one line on stderr and exit code 2."""
+    try:
+        yield
+    except (ValueError, OSError, ImportError, gym.error.Error) as error:
+        print(f"lanekeep: {one_line(error)}", file=sys.stderr)
+        raise typer.Exit(2) from error
+
+
+@contextmanager
+def disk_errors(advice: str) -> Iterator[None]:
+    """Turn a full disk and its like into one line on stderr and exit code 1."""
+    try:
+        yield
+    except OSError as error:
+        print(f"lanekeep: {one_line(error)}{advice}", file=sys.stderr)
+        raise typer.Exit(1) from error
+
+
+class Interrupted(Exception):
+    """Ctrl-C; the text is what the user can do now."""
+
+
+@contextmanager
+def interruptible(advice: str) -> Iterator[None]:
+    """Let the command end with ``advice`` after Ctrl-C; without it, it says that it was interrupted, and no more."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        raise Interrupted(advice) from error

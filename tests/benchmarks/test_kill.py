@@ -1,0 +1,103 @@
+"""Real processes, really killed: ten times kill -9 in one run, and one Ctrl-C."""
+
+import shlex
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from lanekeep_benchmarks.results import EPISODES, SUMMARY
+from lanekeep_benchmarks.run_record import RUN
+
+KILLS = 10
+# 300 episodes are two chunks: 5 scenarios x 2 policies x 2 chunks.
+OPTIONS = ["--policies", "pd,yin-lqr", "--episodes", "300"]
+TOTAL = 3000
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
+
+
+def start(*arguments):
+    command = [sys.executable, "-m", "lanekeep_benchmarks", "bench", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def lines_in(folder):
+    file = folder / EPISODES
+    return file.read_bytes().count(b"\n") if file.exists() else 0
+
+
+def wait_for_lines(process, folder, count):
+    while lines_in(folder) < count and process.poll() is None:
+        time.sleep(0.005)
+
+
+def wait_for_file(process, file):
+    while not file.exists() and process.poll() is None:
+        time.sleep(0.005)
+
+
+@pytest.fixture(scope="module")
+def unbroken(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("kill") / "unbroken"
+    process = start(*OPTIONS, "--out", str(folder))
+    _, error = process.communicate()
+    assert process.returncode == 0, error
+    assert lines_in(folder) == TOTAL
+    return folder
+
+
+def assert_same_results(folder, unbroken):
+    assert {file.name for file in folder.iterdir()} == {file.name for file in unbroken.iterdir()}
+    for file in unbroken.iterdir():
+        ours, theirs = (folder / file.name).read_bytes(), file.read_bytes()
+        if file.name == EPISODES:
+            ours, theirs = sorted(ours.splitlines()), sorted(theirs.splitlines())
+        assert ours == theirs, file.name
+
+
+def test_kill_9_at_ten_random_moments(unbroken, tmp_path):
+    """Once while it starts, eight times a random number of lines later, once in the report; then left alone."""
+    generator = np.random.default_rng(2026)
+    folder = tmp_path / "killed"
+    before = 0
+    for kill in range(KILLS):
+        process = start(*OPTIONS, "--out", str(folder), "--resume")
+        if kill == 0:
+            time.sleep(generator.uniform(0.0, 1.0))
+        elif kill < KILLS - 1:
+            fair_share = (TOTAL - before) // (KILLS - kill)
+            wait_for_lines(process, folder, before + generator.integers(1, 2 * fair_share + 2))
+        else:
+            wait_for_file(process, folder / SUMMARY)
+        time.sleep(generator.uniform(0.0, 0.05))
+        process.kill()
+        _, error = process.communicate()
+        assert process.returncode == -signal.SIGKILL, error
+        assert lines_in(folder) >= before  # a resumed run keeps what it finds
+        before = lines_in(folder)
+    assert before == TOTAL
+    process = start("--resume", "--out", str(folder))
+    _, error = process.communicate()
+    assert process.returncode == 0, error
+    assert_same_results(folder, unbroken)
+
+
+def test_ctrl_c_ends_with_the_command_that_completes_the_run(unbroken, tmp_path):
+    folder = tmp_path / "interrupted"
+    process = start(*OPTIONS, "--out", str(folder))
+    wait_for_lines(process, folder, 1)
+    process.send_signal(signal.SIGINT)
+    output, error = process.communicate()
+    # Python ends by the signal itself where Ctrl-C has met an exec inside an import; a shell shows 130 for both.
+    assert process.returncode in (130, -signal.SIGINT), error
+    assert output == "" and error.count("\n") == 1
+    assert (folder / RUN).is_file() and not (folder / SUMMARY).exists()
+    how = error.split("the run: lanekeep bench ")[1]
+    process = start(*shlex.split(how))
+    _, error = process.communicate()
+    assert process.returncode == 0, error
+    assert_same_results(folder, unbroken)
