@@ -14,7 +14,9 @@ import numpy as np
 
 from lanekeep_env.checks import choose, nearest, require
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
+from lanekeep_env.randomisation import Randomisation, randomisation_from
 from lanekeep_env.roads import LimitedSpeed, RandomRoads, RoadSpec, SpeedSpec, road_from, speed_from
+from lanekeep_env.sensing.faults import Sensors, sensors_from, sensors_to_dict
 
 #: Integration step of every vehicle model, s; control steps and delays are multiples of it.
 INTEGRATION_STEP = 0.01
@@ -50,11 +52,15 @@ class LaneKeepScenario:
         start_heading_error: the course at the start is drawn within this angle of the road's, rad.
         lane_width: m; the car departs when its centre of gravity is more than half of it off the centre.
         departure: "terminate" ends the episode, "cost" goes on and charges, "off" ignores departures.
-        cost_weight, reference_steering_rate, cost_cap: w, rad/s and 1/s of the running cost
-            min(cap, (d / 0.5 m)² + w (road-wheel speed / reference)²).
+        reference_lateral_error, cost_weight, reference_steering_rate, cost_cap: m, w, rad/s and 1/s of the
+            running cost min(cap, (d / reference)² + w (road-wheel speed / reference)²).
         preview: number of curvature samples in the observation, the first one at the car.
         preview_interval: time between preview samples at the present speed, s.
         observation: "measured" (what sensors give) or "full" (adds sideslip, curvature, lateral acceleration).
+        randomisation: what differs from episode to episode: "nominal", "mismatch", "stress" or a mapping of
+            bounds (see `Randomisation`).
+        sensors: faults of the measured channels: None, "production", "poor" or a mapping of channels to
+            faults (see `Sensor`).
         control_step: s, a multiple of 10 ms.
         duration: s; a departure is charged for the rest of it, and open roads are entered that long before
             their end. Give it together with ``max_episode_steps`` when episodes shall be longer than 30 s:
@@ -74,12 +80,15 @@ class LaneKeepScenario:
     start_heading_error: float = math.radians(2.0)
     lane_width: float = 3.5
     departure: str = "terminate"
+    reference_lateral_error: float = 0.5
     cost_weight: float = 1.0
     reference_steering_rate: float = 0.1
     cost_cap: float = 16.0
     preview: int = 0
     preview_interval: float = 0.1
     observation: str = "measured"
+    randomisation: Randomisation = field(default_factory=Randomisation)
+    sensors: Sensors = ()
     control_step: float = 0.05
     duration: float = 30.0
 
@@ -94,6 +103,7 @@ class LaneKeepScenario:
         require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=self.lane_width / 2)
         require("start_heading_error", self.start_heading_error, "rad", at_least=0.0, at_most=1.0)
         choose("departure", self.departure, ("terminate", "cost", "off"))
+        require("reference_lateral_error", self.reference_lateral_error, "m", above=0.0)
         require("cost_weight", self.cost_weight, "", at_least=0.0)
         require("reference_steering_rate", self.reference_steering_rate, "rad/s", above=0.0)
         require("cost_cap", self.cost_cap, "1/s", above=0.0)
@@ -103,6 +113,8 @@ class LaneKeepScenario:
         require("control_step", self.control_step, "s", above=0.0, at_most=1.0)
         multiple_of_step("control_step", self.control_step)
         require("duration", self.duration, "s", at_least=self.control_step, at_most=1e5)
+        for channel, sensor in self.sensors:
+            sensor.check(channel, self.control_step)
         multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay)
 
     @classmethod
@@ -117,9 +129,20 @@ class LaneKeepScenario:
         for key in keywords:
             if key not in allowed:
                 raise TypeError(f"unknown keyword {key!r}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
-        readers: dict[str, Callable[[Any], Any]] = {"vehicle": vehicle_from, "road": road_from, "speed": speed_from}
+        readers: dict[str, Callable[[Any], Any]] = {
+            "vehicle": vehicle_from,
+            "road": road_from,
+            "speed": speed_from,
+            "randomisation": randomisation_from,
+            "sensors": sensors_from,
+        }
         values: dict[str, Any] = {k: readers[k](v) if k in readers else v for k, v in keywords.items()}
         return cls(**values)
+
+    @property
+    def departure_limit(self) -> float:
+        """Lateral error beyond which the car has left its lane, m."""
+        return self.lane_width / 2
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
@@ -142,6 +165,9 @@ class LaneKeepScenario:
                 Channel("curvature", "1/m", -1.0, 1.0, "of the road at the car, left positive"),
                 Channel("lateral_acceleration", "m/s²", -50.0, 50.0, "of the centre of gravity, left positive"),
             ]
+        for name, sensor in self.sensors:
+            if sensor.numbers(self.control_step)[3] > 1 or sensor.dropout > 0.0:
+                channels.append(Channel(f"{name}_new", "", 0.0, 1.0, f"1 where {name} is a new sample, else 0"))
         return tuple(channels)
 
     def channel_bounds(self) -> np.ndarray:
@@ -154,6 +180,8 @@ class LaneKeepScenario:
         values["vehicle"] = asdict(self.vehicle)
         values["road"] = self.road.to_dict()
         values["speed"] = self.speed.to_dict()
+        values["randomisation"] = asdict(self.randomisation)
+        values["sensors"] = sensors_to_dict(self.sensors)
         return values
 
     @cached_property

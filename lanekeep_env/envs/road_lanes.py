@@ -11,9 +11,10 @@ from gymnasium.utils import seeding
 
 from lanekeep_env import layout as at
 from lanekeep_env.envs import road_kernel
-from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.roads import Road, RoadSpec, SpeedSpec, build_roads
 from lanekeep_env.scenario import INTEGRATION_STEP, LaneKeepScenario
+from lanekeep_env.sensing import MEASURED_CHANNELS, Sensor
+from lanekeep_env.sensing.measure import TRUTH
 
 _MODELS = {
     ("kinematic", "linear"): at.KINEMATIC,
@@ -105,17 +106,13 @@ class RoadLanes:
         self.settings = self._settings()
         self.settings[at.AUTORESET] = autoreset
         self.settings[at.MAX_STEPS] = max_steps or np.inf
-        delay_steps = round(scenario.vehicle.steering.delay / INTEGRATION_STEP)
-        substeps = round(scenario.control_step / INTEGRATION_STEP)
-        whole, part = divmod(delay_steps, substeps)
-        self.settings[at.DELAY_WHOLE], self.settings[at.DELAY_PART] = whole, part
-        depth = 0 if delay_steps == 0 else whole + 1 + (part > 0)
         blocks = -(-num_lanes // BLOCK)
-        self.lanes = np.zeros((blocks, at.LANE_ROWS + depth, -(-num_lanes // blocks)), dtype=dtype)
+        rows = at.LANE_ROWS + int(self.settings[at.DELAY_DEPTH]) + self._sensor_rows()
+        self.lanes = np.zeros((blocks, rows, -(-num_lanes // blocks)), dtype=dtype)
         self._free_start = np.full((at.START_ROWS, num_lanes), np.nan)
         self.counters = np.zeros((at.COUNTER_ROWS, num_lanes), dtype=np.int64)
         self.lanes[:, at.SEGMENT_LENGTH] = np.inf  # lanes that fill up the last block stand still
-        self._fill_car()
+        self.lanes[:, at.CAR : at.CAR + at.CAR_SIZE] = 1.0
         self.seeded = False
         self._bind()
 
@@ -139,7 +136,7 @@ class RoadLanes:
         values[at.ACTION_KIND] = _ACTIONS[s.action]
         values[at.ACTION_SCALE] = s.max_steering_rate if rate_mode else s.max_steering_angle
         values[at.COMMAND_LIMIT] = min(s.max_steering_angle, steering.angle_limit or np.inf)
-        values[at.HALF_LANE] = s.lane_width / 2
+        values[at.HALF_LANE] = s.departure_limit
         values[at.DEPARTURE] = _DEPARTURES[s.departure]
         values[at.COST_WEIGHT] = s.cost_weight
         values[at.COST_RATE] = s.reference_steering_rate
@@ -149,29 +146,41 @@ class RoadLanes:
         values[at.FULL] = s.observation == "full"
         values[at.START_LATERAL] = s.start_lateral_error
         values[at.START_HEADING] = s.start_heading_error
-        values[at.MASS] = s.vehicle.mass
+        values[at.COST_LATERAL] = s.reference_lateral_error
+        values[at.LATERAL_LIMIT] = getattr(s.speed, "lateral_acceleration", 0.0)
+        values[at.NOMINAL : at.NOMINAL + at.NOMINAL_SIZE] = (
+            s.vehicle.mass,
+            s.vehicle.yaw_inertia,
+            s.vehicle.cg_to_front_axle,
+            s.vehicle.cg_to_rear_axle,
+            s.vehicle.front_cornering_stiffness,
+            s.vehicle.rear_cornering_stiffness,
+            s.friction,
+            steering.lag,
+            np.inf if steering.rate_limit is None else steering.rate_limit,
+            steering.delay,
+        )
+        values[at.RANGES : at.RANGES + at.RANGES_SIZE] = s.randomisation.bounds()
+        longest = steering.delay + s.randomisation.steering_delay[1]
+        if longest > 0.0:
+            values[at.DELAY_DEPTH] = round(longest / INTEGRATION_STEP) // values[at.SUBSTEPS] + 2
+        values[at.SENSED] = bool(s.sensors)
+        sensors = dict(s.sensors)
+        values[at.SENSORS : at.BOUNDS] = [
+            number
+            for channel in MEASURED_CHANNELS
+            for number in sensors.get(channel, Sensor()).numbers(s.control_step)
+        ]
         values[at.HORIZON] = round(s.duration / s.control_step)
         values[at.BOUNDS :] = s.channel_bounds().ravel()
         return values
 
-    def _fill_car(self) -> None:
-        car, steering = self.scenario.vehicle, self.scenario.vehicle.steering
-        load = self.scenario.friction * car.mass * GRAVITY / car.wheelbase
-        half = INTEGRATION_STEP / 2
-        self.lanes[:, at.CAR : at.CAR + at.CAR_SIZE] = np.array(
-            [
-                car.cg_to_front_axle,
-                car.cg_to_rear_axle,
-                1.0 / car.mass,
-                1.0 / car.yaw_inertia,
-                car.front_cornering_stiffness,
-                car.rear_cornering_stiffness,
-                load * car.cg_to_rear_axle,
-                load * car.cg_to_front_axle,
-            ]
-        )[:, None]
-        self.lanes[:, at.STEER_RESPONSE] = 1.0 if steering.lag == 0.0 else -np.expm1(-half / steering.lag)
-        self.lanes[:, at.STEER_CHANGE] = np.inf if steering.rate_limit is None else steering.rate_limit * half
+    def _sensor_rows(self) -> int:
+        """Rows in which the sensors of a lane remember."""
+        if not self.scenario.sensors:
+            return 0
+        delays = self.settings[at.SENSORS + 4 : at.BOUNDS : at.SENSOR_SIZE]
+        return int((TRUTH + 1 + delays).sum())
 
     def seed(self, seeds: Sequence[int | None]) -> None:
         """Give lane i the base key of ``seeds[i]``, the first draw of Gymnasium's generator for that seed."""
