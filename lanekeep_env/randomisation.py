@@ -43,7 +43,7 @@ class Randomisation:
             low, high = value if isinstance(value, tuple | list) and len(value) == 2 else (value, value)
             name = f"randomisation.{f.name}"
             if f.name == "cg_shift":
-                limits: dict[str, float] = {"at_least": -0.5, "at_most": 0.5}
+                limits: dict[str, Any] = {"at_least": -0.5, "at_most": 0.5}
             elif f.name == "steering_delay":
                 limits = {"at_least": 0.0, "at_most": 2.0}
             else:

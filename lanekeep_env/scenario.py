@@ -15,7 +15,7 @@ import numpy as np
 from lanekeep_env.checks import choose, nearest, require
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
 from lanekeep_env.randomisation import Randomisation, randomisation_from
-from lanekeep_env.roads import LimitedSpeed, RandomRoads, RoadSpec, SpeedSpec, road_from, speed_from
+from lanekeep_env.roads import LimitedSpeed, RandomRoads, RoadSpec, RoadWorksRoads, SpeedSpec, road_from, speed_from
 from lanekeep_env.sensing.faults import Sensors, sensors_from, sensors_to_dict
 
 #: Integration step of every vehicle model, s; control steps and delays are multiples of it.
@@ -100,7 +100,8 @@ class LaneKeepScenario:
         require("max_steering_angle", self.max_steering_angle, "rad", above=0.0, at_most=1.5)
         require("max_steering_rate", self.max_steering_rate, "rad/s", above=0.0)
         require("lane_width", self.lane_width, "m", above=0.0)
-        require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=self.lane_width / 2)
+        limit = self.departure_limit
+        require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=limit)
         require("start_heading_error", self.start_heading_error, "rad", at_least=0.0, at_most=1.0)
         choose("departure", self.departure, ("terminate", "cost", "off"))
         require("reference_lateral_error", self.reference_lateral_error, "m", above=0.0)
@@ -191,6 +192,33 @@ class LaneKeepScenario:
         values["road"] = self.road.fingerprint()
         text = json.dumps(values, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class RoadWorksScenario(LaneKeepScenario):
+    """`lanekeep/RoadWorks-v0`: lane keeping in a narrow lane whose centre shifts sideways, at 80 km/h.
+
+    The car departs when its body touches the lane's edge, so what is left is (lane_width - car width) / 2.
+    """
+
+    road: RoadSpec = field(default_factory=RoadWorksRoads)
+    speed: SpeedSpec = field(default_factory=lambda: LimitedSpeed(maximum=80.0 / 3.6))
+    start_lateral_error: float = 0.15
+    start_heading_error: float = math.radians(1.0)
+    lane_width: float = 2.75
+    reference_lateral_error: float = 0.15
+
+    def __post_init__(self) -> None:
+        if self.departure_limit <= 0.0:
+            raise ValueError(
+                f"lane_width={self.lane_width!r} is not allowed: it must be > {self.vehicle.width} m, the car's width"
+            )
+        super().__post_init__()
+
+    @property
+    def departure_limit(self) -> float:
+        """Lateral error at which the body touches the lane's edge, m."""
+        return (self.lane_width - self.vehicle.width) / 2
 
 
 def multiple_of_step(name: str, seconds: float) -> None:

@@ -100,12 +100,13 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
     * v0: first version.
     """
 
+    scenario_class: type[LaneKeepScenario] = LaneKeepScenario
     metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20}  # noqa: RUF012 (as Gymnasium declares it)
 
     def __init__(self, *, render_mode: str | None = None, dtype: str = "float64", **scenario: Any) -> None:
         check_modes(render_mode, dtype)
         self.render_mode = render_mode
-        self.scenario = LaneKeepScenario.from_keywords(**scenario)
+        self.scenario = self.scenario_class.from_keywords(**scenario)
         self.observation_space = observation_space(self.scenario)
         self.action_space = Box(-1.0, 1.0, (1,), dtype=np.float32)
         self._core = RoadLanes(self.scenario, 1, dtype)

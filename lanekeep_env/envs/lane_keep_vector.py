@@ -50,6 +50,8 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     single environment, one number or one a lane, and ``"reset_mask"`` (bool, (n,)) resets some lanes only.
     """
 
+    scenario_class: type[LaneKeepScenario] = LaneKeepScenario
+
     def __init__(
         self,
         num_envs: int = 1,
@@ -70,7 +72,7 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.metadata = {**LaneKeepEnv.metadata, "autoreset_mode": mode}
         self.render_mode = render_mode
         self.num_envs = num_envs
-        self.scenario = LaneKeepScenario.from_keywords(**scenario)
+        self.scenario = self.scenario_class.from_keywords(**scenario)
         self.single_observation_space = observation_space(self.scenario)
         self.single_action_space = Box(-1.0, 1.0, (1,), dtype=np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

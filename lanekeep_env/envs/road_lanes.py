@@ -167,9 +167,7 @@ class RoadLanes:
         values[at.SENSED] = bool(s.sensors)
         sensors = dict(s.sensors)
         values[at.SENSORS : at.BOUNDS] = [
-            number
-            for channel in MEASURED_CHANNELS
-            for number in sensors.get(channel, Sensor()).numbers(s.control_step)
+            number for channel in MEASURED_CHANNELS for number in sensors.get(channel, Sensor()).numbers(s.control_step)
         ]
         values[at.HORIZON] = round(s.duration / s.control_step)
         values[at.BOUNDS :] = s.channel_bounds().ravel()

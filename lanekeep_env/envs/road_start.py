@@ -61,7 +61,7 @@ def cross_segments(k, lanes, counters, road):
 
 @inline
 def _within(key, which, settings):
-    """Draw the randomised number ``which`` between its bounds; equal bounds give it exactly."""
+    """Draw the randomised number ``which`` (typed, see above) between its bounds; equal bounds give it exactly."""
     low = np.float64(settings[at.RANGES + 2 * which])
     high = np.float64(settings[at.RANGES + 2 * which + 1])
     return low + (high - low) * uniform(key, DRAW_CAR + which)
@@ -75,25 +75,26 @@ def draw_car(i, key, lanes, settings):
     mass, friction and centre of gravity. The speed profile is slowed down where it would use more
     than `FRICTION_SHARE` of the friction, so that every episode can be driven.
     """
-    mass_factor, shift = _within(key, 0, settings), _within(key, 4, settings)
+    mass_factor, shift = _within(key, np.int64(0), settings), _within(key, np.int64(4), settings)
     mass = settings[at.NOMINAL] * mass_factor
     front, rear = settings[at.NOMINAL + 2] - shift, settings[at.NOMINAL + 3] + shift
-    friction = settings[at.NOMINAL + 6] * _within(key, 1, settings)
+    friction = settings[at.NOMINAL + 6] * _within(key, np.int64(1), settings)
     load = friction * mass * GRAVITY / (front + rear)
     lanes[at.CAR, i] = front
     lanes[at.CAR + 1, i] = rear
     lanes[at.CAR + 2, i] = 1.0 / mass
     lanes[at.CAR + 3, i] = 1.0 / (settings[at.NOMINAL + 1] * mass_factor)
-    lanes[at.CAR + 4, i] = settings[at.NOMINAL + 4] * _within(key, 2, settings)
-    lanes[at.CAR + 5, i] = settings[at.NOMINAL + 5] * _within(key, 3, settings)
+    lanes[at.CAR + 4, i] = settings[at.NOMINAL + 4] * _within(key, np.int64(2), settings)
+    lanes[at.CAR + 5, i] = settings[at.NOMINAL + 5] * _within(key, np.int64(3), settings)
     lanes[at.CAR + 6, i] = load * rear
     lanes[at.CAR + 7, i] = load * front
-    lag = settings[at.NOMINAL + 7] * _within(key, 6, settings)
+    lag = settings[at.NOMINAL + 7] * _within(key, np.int64(6), settings)
     half = 0.5 * settings[at.STEP_TIME]
     lanes[at.STEER_RESPONSE, i] = 1.0 - np.exp(-half / lag) if lag > 0.0 else 1.0
     lanes[at.STEER_CHANGE, i] = settings[at.NOMINAL + 8] * half
-    lanes[at.DELAY, i] = np.floor((settings[at.NOMINAL + 9] + _within(key, 7, settings)) / settings[at.STEP_TIME] + 0.5)
-    speed = _within(key, 5, settings)
+    delay = settings[at.NOMINAL + 9] + _within(key, np.int64(7), settings)
+    lanes[at.DELAY, i] = np.floor(delay / settings[at.STEP_TIME] + 0.5)
+    speed = _within(key, np.int64(5), settings)
     factor = speed * speed
     demand = settings[at.LATERAL_LIMIT] * factor
     grip = FRICTION_SHARE * friction * GRAVITY

@@ -14,6 +14,7 @@ from lanekeep_env.roads.generators import (
     CircleRoad,
     RandomRoads,
     RoadRecord,
+    RoadWorksRoads,
     SineRoad,
     SlalomRoad,
     StraightRoad,
@@ -51,9 +52,8 @@ class RoadFile(RoadRecord):
 
 RoadSpec = RoadRecord
 
-ROADS: dict[str, type[RoadRecord]] = {
-    record.kind: record for record in (StraightRoad, CircleRoad, SlalomRoad, SineRoad, RandomRoads, YinRoad, RoadFile)
-}
+_RECORDS = (StraightRoad, CircleRoad, SlalomRoad, SineRoad, RandomRoads, YinRoad, RoadWorksRoads, RoadFile)
+ROADS: dict[str, type[RoadRecord]] = {record.kind: record for record in _RECORDS}
 
 
 def road_from(value: str | Mapping[str, Any] | RoadRecord | Path) -> RoadRecord:

@@ -7,6 +7,7 @@ import numpy as np
 from lanekeep_env.compile import inline
 from lanekeep_env.physics.numeric import like
 
+
 @inline
 def running_cost(d, steering_rate, reference_d, weight, reference_rate, cap):
     """Return min(cap, (d / reference)² + weight (steering rate / reference)²), per second."""

@@ -16,26 +16,27 @@ import lanekeep_env
 
 IDS = sorted(lanekeep_env.ENVIRONMENTS)
 
-#: Every option of an id with a value beside its default.
-OPTIONS = {
-    "lanekeep/LaneKeep-v0": {
-        "vehicle": ["commonroad-2", {"base": "yin", "mass": 2000.0, "steering": {"lag": 0.05, "delay": 0.07}}],
-        "dynamics": ["kinematic"],
-        "tyre": ["magic_formula"],
-        "friction": [0.5],
-        "road": ["yin", {"kind": "circle", "radius": 150.0}],
-        "speed": [20.0, {"lateral_acceleration": 2.0, "maximum": 30.0}],
-        "action": ["steering_rate"],
-        "max_steering_angle": [0.3],
-        "start_lateral_error": [1.0],
-        "departure": ["cost", "off"],
-        "preview": [4],
-        "observation": ["full"],
-        "control_step": [0.02],
-        "duration": [10.0],
-        "dtype": ["float32"],
-    }
+ON_A_ROAD = {
+    "vehicle": ["commonroad-2", {"base": "yin", "mass": 2000.0, "steering": {"lag": 0.05, "delay": 0.07}}],
+    "dynamics": ["kinematic"],
+    "tyre": ["magic_formula"],
+    "friction": [0.5],
+    "road": ["yin", {"kind": "circle", "radius": 150.0}],
+    "speed": [20.0, {"lateral_acceleration": 2.0, "maximum": 30.0}],
+    "action": ["steering_rate"],
+    "max_steering_angle": [0.3],
+    "start_lateral_error": [0.3],
+    "departure": ["cost", "off"],
+    "preview": [4],
+    "observation": ["full"],
+    "randomisation": ["stress", {"steering_delay": [0.0, 0.07]}],
+    "sensors": ["poor", {"yaw_rate": {"noise": 0.01}}],
+    "control_step": [0.1],
+    "duration": [10.0],
+    "dtype": ["float32"],
 }
+#: Every option of an id with a value beside its default.
+OPTIONS = {"lanekeep/LaneKeep-v0": ON_A_ROAD, "lanekeep/RoadWorks-v0": ON_A_ROAD}
 
 
 def checked(env):

@@ -14,6 +14,7 @@ VARIANTS = [
     {"dynamics": "kinematic", "action": "steering_rate"},
     {"tyre": "magic_formula", "observation": "full", "preview": 3},
     {"vehicle": {"steering": {"lag": 0.1, "delay": 0.07, "rate_limit": 0.3}}, "departure": "cost"},
+    {"tyre": "magic_formula", "randomisation": "stress", "sensors": "poor", "observation": "full", "preview": 2},
 ]
 
 
