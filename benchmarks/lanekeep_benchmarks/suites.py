@@ -92,6 +92,40 @@ SUITES: dict[str, Suite] = {
                 ),
             ),
         ),
+        Suite(
+            name="robustness",
+            description="cars that differ from the nominal one, sensors with faults, road works",
+            episodes=256,
+            scenarios=(
+                SuiteScenario(
+                    "mismatch",
+                    "Random roads, saturating tyres, cars of the set 'mismatch'",
+                    {"road": _ROADS, "tyre": "magic_formula", "randomisation": "mismatch", **_COMMON},
+                ),
+                SuiteScenario(
+                    "sensors",
+                    "Random roads, production sensors",
+                    {"road": _ROADS, "sensors": "production", **_COMMON},
+                ),
+                SuiteScenario(
+                    "stress",
+                    "Random roads, saturating tyres, cars of the set 'stress', poor sensors",
+                    {
+                        "road": _ROADS,
+                        "tyre": "magic_formula",
+                        "randomisation": "stress",
+                        "sensors": "poor",
+                        **_COMMON,
+                    },
+                ),
+                SuiteScenario(
+                    "road-works",
+                    "Road works: a lane of 2.75 m that shifts sideways, 80 km/h",
+                    {"road": {"kind": "roadworks", "seed": 1}, **_COMMON},
+                    env_id="lanekeep/RoadWorks-v0",
+                ),
+            ),
+        ),
     )
 }
 
