@@ -60,14 +60,13 @@ R_SPEED_SQUARED = 3
 R_SPEED_SQUARED_SLOPE = 4
 R_NEXT = 5  # row of the segment behind this one
 R_STATION = 6  # arc length at the segment's start, m
-R_SPARE = 7  # a row is one cache line
+R_PREVIOUS = 7  # row of the segment before this one, -1 at the start of an open road
 ROAD_COLUMNS = 8
 
 # roads: (roads, columns) float64, read at resets only
 S_FIRST = 0
 S_COUNT = 1
 S_LATEST_START = 2  # largest arc length at which an episode starts, m
-ROADS_COLUMNS = 3
 
 # settings: one float vector, constant for a scenario
 STEP_TIME = 0  # integration step h, s

@@ -160,7 +160,7 @@ def road_suite(file: Path) -> Suite:
     # A car outside its lane's centre in curves needs longer; on a closed road it gets the time to finish its lap.
     margin = 1.03 if road.closed else 1.0
     steps = math.ceil(margin * seconds / definition.control_step)
-    keywords["duration"] = steps * definition.control_step
+    keywords["episode_steps"] = steps
     scenario = SuiteScenario(
         file.stem,
         f"{file.stem}: {road.length:.0f} m, {seconds:.0f} s, road fitted to {100 * road.fit_error:.1f} cm",

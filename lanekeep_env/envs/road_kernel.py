@@ -21,7 +21,7 @@ from lanekeep_env.physics.integrate import (
     show_linear,
     show_magic_formula,
 )
-from lanekeep_env.physics.numeric import clip, like
+from lanekeep_env.physics.numeric import clip, larger, like, smaller
 from lanekeep_env.sensing.measure import measure
 from lanekeep_env.tasks.lane_keeping import judge
 
@@ -36,10 +36,10 @@ def _command(k, lanes, counters, settings, action):
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     as_rate = settings[at.ACTION_KIND] > zero
     block, clipped_ = lanes[k], counters[at.CLIPPED]
-    command_, before_, steer_ = block[at.COMMAND], block[at.STEER_BEFORE], block[at.STEER]
+    command_, before_, steer_, done_ = block[at.COMMAND], block[at.STEER_BEFORE], block[at.STEER], block[at.DONE]
     for i in range(n):
         given = like(limit, action[first + i])
-        clipped_[first + i] += abs(given) > one
+        clipped_[first + i] += (abs(given) > one) and done_[i] == zero
         wish = clip(given, -one, one) * scale
         integrated = command_[i] + wish * seconds
         command_[i] = clip(integrated if as_rate else wish, -limit, limit)
@@ -83,7 +83,8 @@ def _judge(n, lanes, settings, reward_, terminated_, truncated_, rate_, cost_):
     """Reward and flags of a block."""
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     half_lane, cap = settings[at.HALF_LANE], settings[at.COST_CAP]
-    horizon, last_step = settings[at.HORIZON], settings[at.MAX_STEPS]
+    horizon = settings[at.HORIZON]
+    last_step = smaller(horizon, settings[at.MAX_STEPS])
     weight, lateral, reference = settings[at.COST_WEIGHT], settings[at.COST_LATERAL], settings[at.COST_RATE]
     ends = settings[at.DEPARTURE] == at.TERMINATE
     ignores = settings[at.DEPARTURE] == at.OFF
@@ -127,7 +128,7 @@ def _preview(first, last, samples, lanes, counters, road, settings, observation)
     low, high = settings[at.BOUNDS + 2 * STATE_CHANNELS], settings[at.BOUNDS + 2 * STATE_CHANNELS + 1]
     for i in range(first, last):
         segment = counters[at.SEGMENT, i]
-        along = lanes[at.ALONG, i]
+        along = larger(lanes[at.ALONG, i], like(low, 0.0))
         spacing = lanes[at.SPEED, i] * settings[at.PREVIEW_TIME]
         for k in range(samples):
             while along >= road[segment, at.R_LENGTH]:
@@ -153,7 +154,8 @@ def _observe(first, last, lanes, counters, road, settings, observation):
         channel = STATE_CHANNELS + samples
         place = at.BOUNDS + 2 * channel
         for i in range(first, last):
-            kappa = lanes[at.CURVATURE, i] + lanes[at.CURVATURE_SLOPE, i] * lanes[at.ALONG, i]
+            along = larger(lanes[at.ALONG, i], like(lanes[0, 0], 0.0))
+            kappa = lanes[at.CURVATURE, i] + lanes[at.CURVATURE_SLOPE, i] * along
             observation[i, channel] = clip(lanes[at.SIDESLIP, i], settings[place], settings[place + 1])
             observation[i, channel + 1] = clip(kappa, settings[place + 2], settings[place + 3])
             observation[i, channel + 2] = clip(lanes[at.ACCELERATION, i], settings[place + 4], settings[place + 5])
@@ -187,6 +189,8 @@ def _restart(n, lanes, counters, road, roads, settings, observation, outcome):
             outcome[at.O_TERMINATED, i] = zero
             outcome[at.O_TRUNCATED, i] = zero
             starts = True
+        elif lanes[at.DONE, i] > zero:
+            outcome[at.O_REWARD, i] = zero  # the episode is over; its end was paid for
         elif outcome[at.O_TERMINATED, i] + outcome[at.O_TRUNCATED, i] > zero:
             lanes[at.DONE, i] = one
             if mode == at.SAME_STEP:

@@ -57,10 +57,13 @@ def road_tables(
         table[:n, at.R_SPEED_SQUARED_SLOPE] = np.diff(squared) / geometry.lengths
         table[:, at.R_NEXT] = first + np.arange(1, len(table) + 1)
         table[:, at.R_STATION] = geometry.stations[: len(table)]
+        table[:, at.R_PREVIOUS] = first + np.arange(len(table)) - 1
         latest = geometry.length
         if geometry.closed:
             table[-1, at.R_NEXT] = first
+            table[0, at.R_PREVIOUS] = first + n - 1
         else:
+            table[0, at.R_PREVIOUS] = -1
             table[-1, at.R_LENGTH] = np.inf
             table[-1, at.R_CURVATURE] = geometry.curvature_end[-1]
             table[-1, at.R_SPEED_SQUARED] = squared[-1]
@@ -98,8 +101,11 @@ class RoadLanes:
         max_steps: int | None = None,
     ) -> None:
         self.scenario = scenario
+        shortest = np.inf
         for road, _ in self.road_set():
             road.check_lane(scenario.lane_width / 2)
+            shortest = min(shortest, road.length)
+        self._shortest = float(shortest)
         self.dtype = dtype
         self.num_lanes = num_lanes
         self.num_channels = len(scenario.channels)
@@ -119,7 +125,9 @@ class RoadLanes:
     def _bind(self) -> None:
         """Fetch what is not kept in a pickle: road tables (large, constant) and compiled functions."""
         s = self.scenario
-        self.road, self.roads = road_tables(s.road, s.speed, s.road.fingerprint(), s.duration, self.dtype)
+        self.road, self.roads = road_tables(
+            s.road, s.speed, s.road.fingerprint(), s.episode_steps * s.control_step, self.dtype
+        )
         model = int(self.settings[at.MODEL])
         self.step = road_kernel.STEP[model]
         self.step_parallel = road_kernel.STEP_PARALLEL[model]
@@ -145,7 +153,7 @@ class RoadLanes:
         values[at.PREVIEW_TIME] = s.preview_interval
         values[at.FULL] = s.observation == "full"
         values[at.START_LATERAL] = s.start_lateral_error
-        values[at.START_HEADING] = s.start_heading_error
+        values[at.START_HEADING] = s.start_course_error
         values[at.COST_LATERAL] = s.reference_lateral_error
         values[at.LATERAL_LIMIT] = getattr(s.speed, "lateral_acceleration", 0.0)
         values[at.NOMINAL : at.NOMINAL + at.NOMINAL_SIZE] = (
@@ -169,7 +177,7 @@ class RoadLanes:
         values[at.SENSORS : at.BOUNDS] = [
             number for channel in MEASURED_CHANNELS for number in sensors.get(channel, Sensor()).numbers(s.control_step)
         ]
-        values[at.HORIZON] = round(s.duration / s.control_step)
+        values[at.HORIZON] = s.episode_steps
         values[at.BOUNDS :] = s.channel_bounds().ravel()
         return values
 
@@ -203,7 +211,6 @@ class RoadLanes:
 
     def _start(self, options: dict[str, Any]) -> np.ndarray:
         start = np.full((at.START_ROWS, self.num_lanes), np.nan)
-        lengths = np.array([road.length for road, _ in self.road_set()])
         for key, value in options.items():
             if key not in START_OPTIONS:
                 raise ValueError(f"reset option {key!r} is unknown; allowed: {', '.join(START_OPTIONS)}")
@@ -216,8 +223,8 @@ class RoadLanes:
         index, station = start[3], start[2]
         if np.any((index < 0) | (index >= len(self.roads)) | (index % 1 > 0)):
             raise ValueError(f"reset option road_index must be a whole number from 0 to {len(self.roads) - 1}")
-        if np.any((station < 0) | (station > lengths.min())):
-            raise ValueError(f"reset option arc_length must be from 0 to {lengths.min():.1f} m")
+        if np.any((station < 0) | (station > self._shortest)):
+            raise ValueError(f"reset option arc_length must be from 0 to {self._shortest:.1f} m")
         if np.any(np.abs(start[:2]) > [[20.0], [np.pi]]):
             raise ValueError("reset options lateral_error and heading_error must be within 20 m and pi rad")
         return start

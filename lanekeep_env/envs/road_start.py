@@ -6,8 +6,9 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import clip, like
+from lanekeep_env.physics.numeric import clip, larger, like
 from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.physics.single_track import SMALLEST_PATH_SCALE
 from lanekeep_env.randomness import derive, uniform
 from lanekeep_env.tasks.lane_keeping import steady_turning
 
@@ -34,29 +35,42 @@ def load_segment(i, segment, lanes, counters, road):
 
 @helper
 def cross_segments(k, lanes, counters, road):
-    """Move lanes of block ``k`` that ran past the end of their segment into the next one.
+    """Move lanes of block ``k`` that left their segment, forwards or backwards, into the neighbour.
 
-    The sub-step ran on with the old segment's curvature for ``over`` metres; the difference to the new
-    one is put back in closed form, so headings stay exact over any number of jumps.
+    The sub-step ran on with the old segment's curvature for ``over`` metres; the turn that the new one
+    would have given over the same way is put in its place, so headings stay right over any number of jumps.
     """
     first, block = k * lanes.shape[2], lanes[k]
     along, length = block[at.ALONG], block[at.SEGMENT_LENGTH]
+    zero, half, one = like(along[0], 0.0), like(along[0], 0.5), like(along[0], 1.0)
+    least = like(along[0], SMALLEST_PATH_SCALE)
     for i in range(block.shape[1]):
         while along[i] >= length[i]:
             over = along[i] - length[i]
             slope = block[at.CURVATURE_SLOPE, i]
             old = block[at.CURVATURE, i] + slope * length[i]
-            load_segment(
-                i, np.int64(road[counters[at.SEGMENT, first + i], at.R_NEXT]), block, counters[:, first:], road
-            )
+            following = np.int64(road[counters[at.SEGMENT, first + i], at.R_NEXT])
+            load_segment(i, following, block, counters[:, first:], road)
             new = block[at.CURVATURE, i]
-            jump = old - new
-            bend = (slope - block[at.CURVATURE_SLOPE, i]) * over * like(over, 0.5)
             d = block[at.LATERAL, i]
-            one = like(over, 1.0)
-            block[at.LATERAL, i] = d + over * over * (jump * like(over, 0.5) + bend * like(over, 1.0 / 3.0))
-            block[at.HEADING, i] += over * (jump + bend)
-            along[i] = over * (one - d * old) / (one - d * new)
+            way = over * larger(one - d * old, least)  # driven beside the centre line
+            after = way / larger(one - d * new, least)
+            turned = (old + half * slope * over) * over
+            turn = turned - (new + half * block[at.CURVATURE_SLOPE, i] * after) * after
+            block[at.HEADING, i] += turn
+            block[at.LATERAL, i] = d + half * turn * way
+            along[i] = after
+        while along[i] < zero and road[counters[at.SEGMENT, first + i], at.R_PREVIOUS] >= zero:
+            # Backwards the old segment's start curvature was held: no turn but by that.
+            over = along[i]
+            old = block[at.CURVATURE, i]
+            before = np.int64(road[counters[at.SEGMENT, first + i], at.R_PREVIOUS])
+            load_segment(i, before, block, counters[:, first:], road)
+            new = block[at.CURVATURE, i] + block[at.CURVATURE_SLOPE, i] * length[i]
+            d = block[at.LATERAL, i]
+            after = over * larger(one - d * old, least) / larger(one - d * new, least)
+            block[at.HEADING, i] += old * over - new * after
+            along[i] = length[i] + after
 
 
 @inline

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from lanekeep_env.checks import require
+from lanekeep_env.checks import plain_numbers, require
 from lanekeep_env.roads.road import Floats, Road, fitted
 
 
@@ -27,6 +27,9 @@ class RoadRecord:
         """Text that changes whenever the road does."""
         return repr(sorted(self.to_dict().items()))
 
+    def __post_init__(self) -> None:
+        plain_numbers(self)
+
     def build(self) -> tuple[Road, ...]:
         """Return the roads of the set."""
         raise NotImplementedError
@@ -41,6 +44,7 @@ class StraightRoad(RoadRecord):
 
     def __post_init__(self) -> None:
         require("road.length", self.length, "m", above=0.0)
+        super().__post_init__()
 
     def build(self) -> tuple[Road, ...]:
         """One road."""
@@ -55,9 +59,9 @@ class CircleRoad(RoadRecord):
     radius: float = 150.0
 
     def __post_init__(self) -> None:
-        require(
-            "road.radius", abs(self.radius) if isinstance(self.radius, float | int) else self.radius, "m", above=0.0
-        )
+        require("road.radius", self.radius, "m")
+        require("|road.radius|", abs(self.radius), "m", above=0.0, at_most=1_000_000)
+        super().__post_init__()
 
     def build(self) -> tuple[Road, ...]:
         """One road."""
@@ -76,6 +80,7 @@ class SlalomRoad(RoadRecord):
 
     def __post_init__(self) -> None:
         _check_wave(self)
+        super().__post_init__()
 
     def build(self) -> tuple[Road, ...]:
         """One road."""
@@ -95,6 +100,7 @@ class SineRoad(RoadRecord):
 
     def __post_init__(self) -> None:
         _check_wave(self)
+        super().__post_init__()
 
     def build(self) -> tuple[Road, ...]:
         """One road."""
@@ -166,7 +172,7 @@ class RandomRoads(RoadRecord):
 
     Curvatures are log-uniform between gentlest and tightest, both signs equally likely; arcs turn by
     0.15 to 1.2 rad. A clothoid is so long that the lateral acceleration of 0.4 g (or of the design speed)
-    builds up at 1.5 m/s³, which keeps its parameter between R/3 and R as guidelines ask (RAA 2008).
+    builds up at 1.5 m/s³.
     """
 
     kind: ClassVar[str] = "random"
@@ -182,6 +188,7 @@ class RandomRoads(RoadRecord):
         require("road.design_speed", self.design_speed, "m/s", above=0.0, at_most=100.0)
         require("road.peak_curvature", self.peak_curvature, "1/m", at_least=self.gentlest_curvature, at_most=0.1)
         require("road.seed", self.seed, "", at_least=0, whole=True)
+        super().__post_init__()
 
     @property
     def gentlest_curvature(self) -> float:
@@ -245,6 +252,7 @@ class RoadWorksRoads(RoadRecord):
                 f"road.shift={self.shift} m over road.shift_length={self.shift_length} m is not allowed: "
                 f"its curvature of {peak:.3f} 1/m must be <= 0.05 1/m"
             )
+        super().__post_init__()
 
     def build(self) -> tuple[Road, ...]:
         """``count`` roads."""

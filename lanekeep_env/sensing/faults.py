@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from lanekeep_env.checks import choose, from_mapping, nearest, require
+from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
 
 #: Channels that come from sensors, in the order of the observation.
 MEASURED_CHANNELS = ("lateral_error", "heading_error", "yaw_rate", "speed", "steering_angle")
@@ -39,6 +39,9 @@ class Sensor:
     dropout: float = 0.0
     jump: float = 0.0
     jump_rate: float = 0.0
+
+    def __post_init__(self) -> None:
+        plain_numbers(self)
 
     def check(self, channel: str, control_step: float) -> None:
         """Raise ValueError for a number that is not allowed at this control step (s)."""
