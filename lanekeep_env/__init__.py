@@ -5,15 +5,22 @@
 
 from lanekeep_env.envs.termination import Termination
 from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator, VehicleParameters
+from lanekeep_env.randomisation import RANDOMISATIONS, Randomisation
 from lanekeep_env.registration import ENVIRONMENTS, register_all
-from lanekeep_env.scenario import Channel, LaneKeepScenario
+from lanekeep_env.scenario import Channel, LaneKeepScenario, RoadWorksScenario
+from lanekeep_env.sensing import SENSOR_SETS, Sensor
 
 __version__ = "0.1.0"
 __all__ = [
     "ENVIRONMENTS",
+    "RANDOMISATIONS",
+    "SENSOR_SETS",
     "VEHICLES",
     "Channel",
     "LaneKeepScenario",
+    "Randomisation",
+    "RoadWorksScenario",
+    "Sensor",
     "SteeringActuator",
     "Termination",
     "VehicleParameters",

@@ -57,7 +57,7 @@ def require(
 def choose(name: str, value: Any, allowed: Iterable[str]) -> None:
     """Raise ValueError unless ``value`` is one of the allowed words."""
     allowed = list(allowed)
-    if value not in allowed:
+    if not isinstance(value, str) or value not in allowed:
         raise ValueError(f"{name}={value!r} is unknown{nearest(value, allowed)}; allowed: {', '.join(allowed)}")
 
 
@@ -68,3 +68,17 @@ def from_mapping(record: type[T], mapping: Mapping[str, Any], name: str) -> T:
         if key not in allowed:
             raise ValueError(f"{name} has no field {key!r}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
     return record(**mapping)
+
+
+def plain_numbers(record: Any) -> None:
+    """Make the numbers of a frozen dataclass plain ints and floats, as its fields are declared.
+
+    Equal records are then equal in JSON as well, whether somebody wrote 3, 3.0 or a NumPy number.
+    """
+    for f in fields(record):
+        value = getattr(record, f.name)
+        if isinstance(value, Real) and not isinstance(value, bool):
+            if str(f.type).startswith("float"):
+                object.__setattr__(record, f.name, float(value))
+            elif str(f.type).startswith("int"):
+                object.__setattr__(record, f.name, int(float(value)))

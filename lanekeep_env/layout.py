@@ -35,11 +35,14 @@ ACCELERATION = 25  # lateral, m/s²
 STEP = 26  # control steps done in this episode
 DONE = 27  # 1 after the episode's last step, until the lane is reset
 DEPARTED = 28  # 1 once the car has left the lane in this episode
+# This episode's car beside CAR:
+SPEED_FACTOR = 29  # of the squared speeds of the road's profile
+DELAY = 30  # of the command, in sub-steps
 # The delay line, where there is a delay:
-DELAYED_FIRST = 29  # delayed command before ... , rad
-DELAYED_THEN = 30  # ... and from the sub-step at which it changes
-HISTORY = 31  # commands, newest first, as many as the delay needs
-LANE_ROWS = HISTORY
+DELAYED_FIRST = 31  # delayed command before ... , rad
+DELAYED_THEN = 32  # ... and from the sub-step at which it changes, rad
+ACTING = 33  # the one of them that acts in the present sub-step, rad
+LANE_ROWS = 34  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the lane (a uint64, reinterpreted)
@@ -57,30 +60,29 @@ R_SPEED_SQUARED = 3
 R_SPEED_SQUARED_SLOPE = 4
 R_NEXT = 5  # row of the segment behind this one
 R_STATION = 6  # arc length at the segment's start, m
-R_SPARE = 7  # a row is one cache line
+R_PREVIOUS = 7  # row of the segment before this one, -1 at the start of an open road
 ROAD_COLUMNS = 8
 
 # roads: (roads, columns) float64, read at resets only
 S_FIRST = 0
 S_COUNT = 1
 S_LATEST_START = 2  # largest arc length at which an episode starts, m
-ROADS_COLUMNS = 3
 
 # settings: one float vector, constant for a scenario
 STEP_TIME = 0  # integration step h, s
 SUBSTEPS = 1
 MODEL = 2
 IDEAL_STEERING = 3
-DELAY_WHOLE = 4  # delay in whole control steps ...
-DELAY_PART = 5  # ... and the rest in sub-steps
-ACTION_KIND = 6
-ACTION_SCALE = 7  # rad or rad/s at action 1
-COMMAND_LIMIT = 8  # rad
-HALF_LANE = 9  # m
-DEPARTURE = 10
-COST_WEIGHT = 11
-COST_RATE = 12  # reference steering rate, rad/s
-COST_CAP = 13  # 1/s
+DELAY_DEPTH = 4  # commands remembered, 0 without delay
+ACTION_KIND = 5
+ACTION_SCALE = 6  # rad or rad/s at action 1
+COMMAND_LIMIT = 7  # rad
+HALF_LANE = 8  # m
+DEPARTURE = 9
+COST_WEIGHT = 10
+COST_RATE = 11  # reference steering rate, rad/s
+COST_CAP = 12  # 1/s
+COST_LATERAL = 13  # reference lateral error, m
 MAX_STEPS = 14  # after which a lane is truncated
 AUTORESET = 15
 PREVIEW = 16
@@ -88,9 +90,17 @@ PREVIEW_TIME = 17  # s between samples
 FULL = 18
 START_LATERAL = 19  # m, either side
 START_HEADING = 20  # rad, either side
-MASS = 21  # kg, nominal, for the trim at the start
-HORIZON = 22  # steps for whose rest a departure is charged
-BOUNDS = 23  # low and high of each channel follow, channel by channel
+HORIZON = 21  # steps for whose rest a departure is charged
+LATERAL_LIMIT = 22  # largest lateral acceleration of the speed profile, m/s²; 0 for a constant speed
+SENSED = 23  # 1 where sensors have faults
+NOMINAL = 24  # the nominal car: mass, yaw inertia, l_f, l_r, C_f, C_r, friction, lag, rate limit, delay
+NOMINAL_SIZE = 10
+RANGES = 34  # low and high of each randomised number, in the order of `Randomisation`
+RANGES_SIZE = 16
+SENSORS = 50  # SENSOR_SIZE numbers for each measured channel
+SENSOR_SIZE = 8  # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample
+MEASURED = 5  # lateral_error, heading_error, yaw_rate, speed, steering_angle
+BOUNDS = SENSORS + MEASURED * SENSOR_SIZE  # low and high of each channel follow, channel by channel
 
 # values of the switches
 KINEMATIC, LINEAR, MAGIC_FORMULA = 0, 1, 2

@@ -11,6 +11,11 @@ ENVIRONMENTS: dict[str, tuple[str, str, int]] = {
         "lanekeep_env.envs.lane_keep_vector:LaneKeepVectorEnv",
         600,
     ),
+    "lanekeep/RoadWorks-v0": (
+        "lanekeep_env.envs.road_works:RoadWorksEnv",
+        "lanekeep_env.envs.road_works:RoadWorksVectorEnv",
+        600,
+    ),
 }
 
 

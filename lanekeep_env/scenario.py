@@ -5,16 +5,18 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from lanekeep_env.checks import choose, nearest, require
+from lanekeep_env.checks import choose, nearest, plain_numbers, require
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
-from lanekeep_env.roads import LimitedSpeed, RandomRoads, RoadSpec, SpeedSpec, road_from, speed_from
+from lanekeep_env.randomisation import Randomisation, randomisation_from
+from lanekeep_env.roads import LimitedSpeed, RandomRoads, RoadSpec, RoadWorksRoads, SpeedSpec, road_from, speed_from
+from lanekeep_env.sensing.faults import Sensors, sensors_from, sensors_to_dict
 
 #: Integration step of every vehicle model, s; control steps and delays are multiples of it.
 INTEGRATION_STEP = 0.01
@@ -29,6 +31,16 @@ class Channel:
     low: float
     high: float
     description: str
+
+
+#: Fields that may be given by name, number or mapping, and how they are read.
+_READERS: dict[str, Callable[[Any], Any]] = {
+    "vehicle": vehicle_from,
+    "road": road_from,
+    "speed": speed_from,
+    "randomisation": randomisation_from,
+    "sensors": sensors_from,
+}
 
 
 @dataclass(frozen=True)
@@ -47,18 +59,22 @@ class LaneKeepScenario:
         max_steering_angle: road-wheel angle that action 1 asks for, rad; also bounds the command in rate mode.
         max_steering_rate: road-wheel speed that action 1 asks for, rad/s (rate mode).
         start_lateral_error: the start is drawn within this distance of the lane's centre, m.
-        start_heading_error: the course at the start is drawn within this angle of the road's, rad.
+        start_course_error: the course at the start is drawn within this angle of the road's, rad.
         lane_width: m; the car departs when its centre of gravity is more than half of it off the centre.
         departure: "terminate" ends the episode, "cost" goes on and charges, "off" ignores departures.
-        cost_weight, reference_steering_rate, cost_cap: w, rad/s and 1/s of the running cost
-            min(cap, (d / 0.5 m)² + w (road-wheel speed / reference)²).
+        reference_lateral_error, cost_weight, reference_steering_rate, cost_cap: m, w, rad/s and 1/s of the
+            running cost min(cap, (d / reference)² + w (road-wheel speed / reference)²).
         preview: number of curvature samples in the observation, the first one at the car.
         preview_interval: time between preview samples at the present speed, s.
         observation: "measured" (what sensors give) or "full" (adds sideslip, curvature, lateral acceleration).
+        randomisation: what differs from episode to episode: "nominal", "mismatch", "stress" or a mapping of
+            bounds (see `Randomisation`).
+        sensors: faults of the measured channels: None, "production", "poor" or a mapping of channels to
+            faults (see `Sensor`).
         control_step: s, a multiple of 10 ms.
-        duration: s; a departure is charged for the rest of it, and open roads are entered that long before
-            their end. Give it together with ``max_episode_steps`` when episodes shall be longer than 30 s:
-            Gymnasium's time limit truncates from outside and does not tell the environment.
+        episode_steps: control steps of an episode: it is truncated after them, a departure is charged for the
+            rest of them, and open roads are entered that much before their end. ``max_episode_steps`` of
+            ``gym.make`` can only shorten an episode; give both for longer ones.
     """
 
     vehicle: VehicleParameters = VEHICLES["yin"]
@@ -71,19 +87,28 @@ class LaneKeepScenario:
     max_steering_angle: float = 0.15
     max_steering_rate: float = 0.4
     start_lateral_error: float = 0.5
-    start_heading_error: float = math.radians(2.0)
+    start_course_error: float = math.radians(2.0)
     lane_width: float = 3.5
     departure: str = "terminate"
+    reference_lateral_error: float = 0.5
     cost_weight: float = 1.0
     reference_steering_rate: float = 0.1
     cost_cap: float = 16.0
     preview: int = 0
     preview_interval: float = 0.1
     observation: str = "measured"
+    randomisation: Randomisation = field(default_factory=Randomisation)
+    sensors: Sensors = ()
     control_step: float = 0.05
-    duration: float = 30.0
+    episode_steps: int = 600
 
     def __post_init__(self) -> None:
+        for name, read in _READERS.items():
+            object.__setattr__(self, name, read(getattr(self, name)))
+        self._check()
+        plain_numbers(self)
+
+    def _check(self) -> None:
         choose("dynamics", self.dynamics, ("dynamic", "kinematic"))
         choose("tyre", self.tyre, ("linear", "magic_formula"))
         require("friction", self.friction, "", above=0.0, at_most=2.0)
@@ -91,9 +116,11 @@ class LaneKeepScenario:
         require("max_steering_angle", self.max_steering_angle, "rad", above=0.0, at_most=1.5)
         require("max_steering_rate", self.max_steering_rate, "rad/s", above=0.0)
         require("lane_width", self.lane_width, "m", above=0.0)
-        require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=self.lane_width / 2)
-        require("start_heading_error", self.start_heading_error, "rad", at_least=0.0, at_most=1.0)
+        limit = self.departure_limit
+        require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=limit)
+        require("start_course_error", self.start_course_error, "rad", at_least=0.0, at_most=1.0)
         choose("departure", self.departure, ("terminate", "cost", "off"))
+        require("reference_lateral_error", self.reference_lateral_error, "m", above=0.0)
         require("cost_weight", self.cost_weight, "", at_least=0.0)
         require("reference_steering_rate", self.reference_steering_rate, "rad/s", above=0.0)
         require("cost_cap", self.cost_cap, "1/s", above=0.0)
@@ -102,12 +129,14 @@ class LaneKeepScenario:
         choose("observation", self.observation, ("measured", "full"))
         require("control_step", self.control_step, "s", above=0.0, at_most=1.0)
         multiple_of_step("control_step", self.control_step)
-        require("duration", self.duration, "s", at_least=self.control_step, at_most=1e5)
+        require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=10_000_000, whole=True)
+        for channel, sensor in self.sensors:
+            sensor.check(channel, self.control_step)
         multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay)
 
     @classmethod
-    def from_keywords(cls, **keywords: Any) -> LaneKeepScenario:
-        """Build a scenario from the keywords of ``gym.make``.
+    def from_keywords(cls, others: Iterable[str] = (), /, **keywords: Any) -> LaneKeepScenario:
+        """Build a scenario from the keywords of ``gym.make``; ``others`` are further ones that it may name.
 
         Raises:
             ValueError: a value that is not allowed.
@@ -116,10 +145,14 @@ class LaneKeepScenario:
         allowed = [f.name for f in fields(cls)]
         for key in keywords:
             if key not in allowed:
+                allowed += others
                 raise TypeError(f"unknown keyword {key!r}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
-        readers: dict[str, Callable[[Any], Any]] = {"vehicle": vehicle_from, "road": road_from, "speed": speed_from}
-        values: dict[str, Any] = {k: readers[k](v) if k in readers else v for k, v in keywords.items()}
-        return cls(**values)
+        return cls(**keywords)
+
+    @property
+    def departure_limit(self) -> float:
+        """Lateral error beyond which the car has left its lane, m."""
+        return self.lane_width / 2
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
@@ -127,7 +160,7 @@ class LaneKeepScenario:
         angle = 1.6
         channels = [
             Channel("lateral_error", "m", -20.0, 20.0, "centre of gravity left of the lane's centre"),
-            Channel("heading_error", "rad", -4.0, 4.0, "heading minus the road's, left positive"),
+            Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the road's, left positive"),
             Channel("yaw_rate", "rad/s", -4.0, 4.0, "left positive"),
             Channel("speed", "m/s", 0.0, 100.0, "present speed"),
             Channel("steering_angle", "rad", -angle, angle, "road wheel, left positive"),
@@ -138,10 +171,13 @@ class LaneKeepScenario:
             channels.append(Channel(f"curvature_preview_{k}", "1/m", -1.0, 1.0, f"of the road {ahead}, left positive"))
         if self.observation == "full":
             channels += [
-                Channel("sideslip", "rad", -4.0, 4.0, "course minus heading"),
+                Channel("sideslip", "rad", -math.pi, math.pi, "course minus heading"),
                 Channel("curvature", "1/m", -1.0, 1.0, "of the road at the car, left positive"),
                 Channel("lateral_acceleration", "m/s²", -50.0, 50.0, "of the centre of gravity, left positive"),
             ]
+        for name, sensor in self.sensors:
+            if sensor.numbers(self.control_step)[3] > 1 or sensor.dropout > 0.0:
+                channels.append(Channel(f"{name}_new", "", 0.0, 1.0, f"1 where {name} is a new sample, else 0"))
         return tuple(channels)
 
     def channel_bounds(self) -> np.ndarray:
@@ -154,6 +190,8 @@ class LaneKeepScenario:
         values["vehicle"] = asdict(self.vehicle)
         values["road"] = self.road.to_dict()
         values["speed"] = self.speed.to_dict()
+        values["randomisation"] = asdict(self.randomisation)
+        values["sensors"] = sensors_to_dict(self.sensors)
         return values
 
     @cached_property
@@ -163,6 +201,30 @@ class LaneKeepScenario:
         values["road"] = self.road.fingerprint()
         text = json.dumps(values, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class RoadWorksScenario(LaneKeepScenario):
+    """`lanekeep/RoadWorks-v0`: lane keeping in a narrow lane whose centre shifts sideways, at 80 km/h.
+
+    The car departs when its body touches the lane's edge, so what is left is (lane_width - car width) / 2.
+    """
+
+    road: RoadSpec = field(default_factory=RoadWorksRoads)
+    speed: SpeedSpec = field(default_factory=lambda: LimitedSpeed(maximum=80.0 / 3.6))
+    start_lateral_error: float = 0.15
+    start_course_error: float = math.radians(1.0)
+    lane_width: float = 2.75
+    reference_lateral_error: float = 0.15
+
+    def _check(self) -> None:
+        require("lane_width", self.lane_width, "m (the car's width)", above=self.vehicle.width)
+        super()._check()
+
+    @property
+    def departure_limit(self) -> float:
+        """Lateral error at which the body touches the lane's edge, m."""
+        return (self.lane_width - self.vehicle.width) / 2
 
 
 def multiple_of_step(name: str, seconds: float) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -25,18 +25,29 @@ class LaneVecEnv(VecEnv):
         self.env = gym.make_vec(
             env_id, num_envs, vectorization_mode="vector_entry_point", autoreset_mode="same_step", **keywords
         )
-        super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
         self.truth: dict[str, Any] = {}
+        self._start: dict[str, np.ndarray] = {}
+        super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
         self._actions = np.zeros((num_envs, 1), dtype=np.float32)
 
     def reset(self) -> VecEnvObs:
         """Reset every lane; the seed of the last `seed` call is used once."""
         seed = None if self._seeds[0] is None else list(self._seeds)
-        observation, self.truth = self.env.reset(seed=seed)  # type: ignore[arg-type]
+        observation, self.truth = self.env.reset(seed=seed, options=self._start or None)  # type: ignore[arg-type]
         self.reset_infos = [{} for _ in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
         return observation
+
+    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
+        """Keep reset options for the next `reset`: one mapping for all lanes, or one a lane with the same keys."""
+        each = [options or {}] * self.num_envs if not isinstance(options, list) else options
+        if len({tuple(sorted(one)) for one in each}) > 1:
+            raise ValueError("reset options must have the same keys in every lane")
+        self._start = {key: np.array([one[key] for one in each]) for key in each[0]}
+
+    def _reset_options(self) -> None:
+        self._start = {}
 
     def step_async(self, actions: np.ndarray) -> None:
         """Keep the actions for `step_wait`."""
@@ -64,7 +75,11 @@ class LaneVecEnv(VecEnv):
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """Return an attribute of the vector environment, once a lane asked for."""
-        return [getattr(self.env.unwrapped, attr_name)] * len(list(self._get_indices(indices)))
+        value = getattr(self.env.unwrapped, attr_name)
+        lanes = list(self._get_indices(indices))
+        if isinstance(value, np.ndarray) and len(value) == self.num_envs:
+            return [value[lane] for lane in lanes]
+        return [value] * len(lanes)
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Not supported: a scenario is frozen; make another environment."""
@@ -82,6 +97,3 @@ class LaneVecEnv(VecEnv):
     def get_images(self) -> Sequence[np.ndarray | None]:
         """No pictures."""
         return [None] * self.num_envs
-
-    def _get_indices(self, indices: VecEnvIndices) -> Iterable[int]:
-        return super()._get_indices(indices)

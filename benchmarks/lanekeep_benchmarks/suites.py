@@ -92,6 +92,40 @@ SUITES: dict[str, Suite] = {
                 ),
             ),
         ),
+        Suite(
+            name="robustness",
+            description="cars that differ from the nominal one, sensors with faults, road works",
+            episodes=256,
+            scenarios=(
+                SuiteScenario(
+                    "mismatch",
+                    "Random roads, saturating tyres, cars of the set 'mismatch'",
+                    {"road": _ROADS, "tyre": "magic_formula", "randomisation": "mismatch", **_COMMON},
+                ),
+                SuiteScenario(
+                    "sensors",
+                    "Random roads, production sensors",
+                    {"road": _ROADS, "sensors": "production", **_COMMON},
+                ),
+                SuiteScenario(
+                    "stress",
+                    "Random roads, saturating tyres, cars of the set 'stress', poor sensors",
+                    {
+                        "road": _ROADS,
+                        "tyre": "magic_formula",
+                        "randomisation": "stress",
+                        "sensors": "poor",
+                        **_COMMON,
+                    },
+                ),
+                SuiteScenario(
+                    "road-works",
+                    "Road works: a lane of 2.75 m that shifts sideways, 80 km/h",
+                    {"road": {"kind": "roadworks", "seed": 1}, **_COMMON},
+                    env_id="lanekeep/RoadWorks-v0",
+                ),
+            ),
+        ),
     )
 }
 
@@ -126,7 +160,7 @@ def road_suite(file: Path) -> Suite:
     # A car outside its lane's centre in curves needs longer; on a closed road it gets the time to finish its lap.
     margin = 1.03 if road.closed else 1.0
     steps = math.ceil(margin * seconds / definition.control_step)
-    keywords["duration"] = steps * definition.control_step
+    keywords["episode_steps"] = steps
     scenario = SuiteScenario(
         file.stem,
         f"{file.stem}: {road.length:.0f} m, {seconds:.0f} s, road fitted to {100 * road.fit_error:.1f} cm",

@@ -62,26 +62,30 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
     Minus the running cost min(cap, (d / 0.5 m)² + w (steering rate / reference)²) times the control
     step, with w = 1, reference = 0.1 rad/s of the road wheel (at a steering ratio of 16 a brisk 92°/s of
     the steering wheel) and cap = 16 per second (a lane's edge costs 12.25). A departure charges the cap
-    for the rest of `duration` (30 s), so leaving the lane is worse than any drive inside it.
+    for the rest of `episode_steps` (30 s), so leaving the lane is worse than any drive inside it.
 
     ## Starting State
 
-    Anywhere on the road, in curves as on straights, in the steady state of driving along the road
-    there, shifted by up to `start_lateral_error` (0.5 m) and `start_heading_error` (2°) to either side.
-    `reset(options={"lateral_error": m, "heading_error": rad, "arc_length": m, "road_index": i})` fixes any of it.
+    Anywhere on the road (on open ones early enough for a whole episode), in curves as on straights, in the
+    steady state of driving along the road there, moved by up to `start_lateral_error` (0.5 m) and turned by up
+    to `start_course_error` (2°, heading plus sideslip against the road's) to either side.
+    `reset(options={"lateral_error": m, "heading_error": rad, "arc_length": m, "road_index": i})` fixes any of
+    it; heading_error is the heading's then.
 
     ## Episode End
 
     Terminates when the centre of gravity is more than half a `lane_width` (3.5 m) from the lane's centre
-    (`departure="terminate"`; `"cost"` charges and goes on, `"off"` ignores it). Truncated after 600
-    steps of 0.05 s.
+    (`departure="terminate"`; `"cost"` charges and goes on, `"off"` ignores it). Truncated after
+    `episode_steps` (600) control steps of `control_step` (0.05 s); Gymnasium's `max_episode_steps` can
+    shorten that. What an ended episode gives if stepped on means nothing; its rewards are 0.
 
     ## Arguments
 
     Every field of `lanekeep_env.LaneKeepScenario`: vehicle, dynamics, tyre, friction, road, speed, action,
-    max_steering_angle, max_steering_rate, start_lateral_error, start_heading_error, lane_width,
+    max_steering_angle, max_steering_rate, start_lateral_error, start_course_error, lane_width,
     departure, cost_weight, reference_steering_rate, cost_cap, preview, preview_interval, observation,
-    control_step, duration; and dtype ("float64" or "float32"), the precision of the simulation.
+    randomisation, sensors, control_step, episode_steps; and dtype ("float64" or "float32"), the precision
+    of the simulation.
 
     ```python
     gym.make("lanekeep/LaneKeep-v0", vehicle="commonroad-2", tyre="magic_formula", road="yin", preview=20)
@@ -100,12 +104,13 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
     * v0: first version.
     """
 
+    scenario_class: type[LaneKeepScenario] = LaneKeepScenario
     metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20}  # noqa: RUF012 (as Gymnasium declares it)
 
     def __init__(self, *, render_mode: str | None = None, dtype: str = "float64", **scenario: Any) -> None:
         check_modes(render_mode, dtype)
         self.render_mode = render_mode
-        self.scenario = LaneKeepScenario.from_keywords(**scenario)
+        self.scenario = self.scenario_class.from_keywords(("render_mode", "dtype"), **scenario)
         self.observation_space = observation_space(self.scenario)
         self.action_space = Box(-1.0, 1.0, (1,), dtype=np.float32)
         self._core = RoadLanes(self.scenario, 1, dtype)
@@ -132,7 +137,7 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start an episode: the first one of ``seed``, or the next one of the running sequence."""
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else int(seed))
         core = self._core
         if seed is not None or not core.seeded:
             core.set_key(0, self.np_random)
@@ -168,17 +173,20 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
         given = action if isinstance(action, np.ndarray) else np.asarray(action, dtype=np.float32)
         if given.shape != (1,):
             raise ValueError(f"action={action!r} has shape {given.shape}; it must have shape (1,), in [-1, 1]")
-        value = given.item()
+        try:
+            self._action[0] = value = float(given.item())
+        except (TypeError, ValueError):
+            raise ValueError(f"action={action!r} is not a number; it must be one in [-1, 1]") from None
         if value != value:
             raise ValueError(f"action={action!r} is NaN; it must be a number in [-1, 1]")
-        self._action[0] = value
         try:
             self._step(*self._arguments)
         except AttributeError:
             raise gym.error.ResetNeeded("call reset() before step()") from None
         told = self._truth.tolist()
         terminated = told[at.O_TERMINATED] > 0.0
-        return self._seen.copy(), told[at.O_REWARD], terminated, False, self._info(told, terminated)
+        truncated = told[at.O_TRUNCATED] > 0.0
+        return self._seen.copy(), told[at.O_REWARD], terminated, truncated, self._info(told, terminated)
 
     @staticmethod
     def _info(told: list[float], terminated: bool) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import gymnasium as gym
 import numba
 import numpy as np
 from gymnasium.spaces import Box
@@ -23,6 +24,7 @@ _AUTORESET = {
     "same_step": (at.SAME_STEP, AutoresetMode.SAME_STEP),
     "disabled": (at.NO_AUTORESET, AutoresetMode.DISABLED),
 }
+_OWN_KEYWORDS = ("max_episode_steps", "autoreset_mode", "dtype", "num_threads", "render_mode")
 _TRUTH = {
     "lateral_error": at.O_LATERAL_ERROR,
     "heading_error": at.O_HEADING_ERROR,
@@ -39,7 +41,7 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     Args:
         num_envs: number of lanes n (cars).
-        max_episode_steps: control steps after which a lane is truncated (the registered number by default).
+        max_episode_steps: control steps after which a lane is truncated, if fewer than ``episode_steps``.
         autoreset_mode: "next_step" (Gymnasium's default), "same_step" or "disabled".
         dtype: "float64" (lanes equal single environments bitwise) or "float32" (twice as fast).
         num_threads: threads that share the lanes; 1 by default, since threads cost more than they bring
@@ -49,6 +51,8 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     ``reset(seed=)`` takes an int (lane i gets seed + i) or one seed a lane; ``options`` are those of the
     single environment, one number or one a lane, and ``"reset_mask"`` (bool, (n,)) resets some lanes only.
     """
+
+    scenario_class: type[LaneKeepScenario] = LaneKeepScenario
 
     def __init__(
         self,
@@ -63,14 +67,15 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     ) -> None:
         require("num_envs", num_envs, "", at_least=1, whole=True)
         require("num_threads", num_threads, "", at_least=1, at_most=numba.config.NUMBA_NUM_THREADS, whole=True)
+        max_episode_steps = None if max_episode_steps == -1 else max_episode_steps  # as in gym.make
         require("max_episode_steps", max_episode_steps, "steps", at_least=1, whole=True, optional=True)
         choose("autoreset_mode", autoreset_mode, _AUTORESET)
         check_modes(render_mode, dtype)
         code, mode = _AUTORESET[autoreset_mode]
         self.metadata = {**LaneKeepEnv.metadata, "autoreset_mode": mode}
         self.render_mode = render_mode
-        self.num_envs = num_envs
-        self.scenario = LaneKeepScenario.from_keywords(**scenario)
+        self.num_envs = num_envs = int(num_envs)
+        self.scenario = self.scenario_class.from_keywords(_OWN_KEYWORDS, **scenario)
         self.single_observation_space = observation_space(self.scenario)
         self.single_action_space = Box(-1.0, 1.0, (1,), dtype=np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -83,6 +88,7 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         )
         self._threads = num_threads
         self._same_step = code == at.SAME_STEP
+        self._masked = code == at.NO_AUTORESET
         self._everyone = np.ones(num_envs, dtype=np.bool_)
         self._everyone.flags.writeable = False
 
@@ -108,17 +114,17 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         mask = self._mask(options.pop("reset_mask", None))
         core = self._core
         if seed is None or isinstance(seed, (int, np.integer)):
-            super().reset(seed=seed)
+            super().reset(seed=None if seed is None else int(seed))
             seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         else:
-            seeds = list(seed)
+            seeds = [None if s is None else int(s) for s in seed]
             if len(seeds) != self.num_envs:
                 raise ValueError(f"seed has {len(seeds)} entries; it must be one number or {self.num_envs} of them")
         if seed is not None or not core.seeded:
             core.seed([s if chosen else None for s, chosen in zip(seeds, mask, strict=True)])
         observation, outcome = (array.copy() for array in self._last)
         core.reset(options, mask, observation, outcome)
-        self._last = (observation, outcome)
+        self._last = (observation.copy(), outcome.copy())
         return observation, self._infos(outcome, mask)
 
     def _mask(self, mask: np.ndarray | None) -> np.ndarray:
@@ -137,11 +143,11 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if given.shape != (self.num_envs, 1):
             raise ValueError(f"actions have shape {given.shape}; they must have shape ({self.num_envs}, 1)")
         given = np.ascontiguousarray(given[:, 0])
-        if np.isnan(given).any():
-            lane = int(np.flatnonzero(np.isnan(given))[0])
-            raise ValueError(f"action of lane {lane} is NaN; it must be a number in [-1, 1]")
         if not core.seeded:
-            raise ValueError("call reset() before step()")
+            raise gym.error.ResetNeeded("call reset() before step()")
+        wrong = np.isnan(given)
+        if wrong.any():
+            given = self._without_ignored(given, wrong)
         n, channels = self.num_envs, core.num_channels
         observation = np.empty((n, channels), dtype=np.float32)
         rows = 2 * at.OUTCOME_ROWS + channels if self._same_step else at.OUTCOME_ROWS
@@ -163,7 +169,8 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         else:
             numba.set_num_threads(self._threads)
             core.step_parallel(*arguments)
-        self._last = (observation, outcome)
+        # A masked reset shows the other lanes again; where that is the rule they are kept from the caller's hands.
+        self._last = (observation.copy(), outcome.copy()) if self._masked else (observation, outcome)
         terminated = outcome[at.O_TERMINATED] > 0.0
         truncated = outcome[at.O_TRUNCATED] > 0.0
         infos = self._infos(outcome, self._everyone)
@@ -171,6 +178,14 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             infos["termination"] = np.zeros(n, dtype=np.int64)  # of the episodes that just began
             self._add_final(infos, outcome, terminated | truncated)
         return observation, outcome[at.O_REWARD], terminated, truncated, infos
+
+    def _without_ignored(self, given: np.ndarray, wrong: np.ndarray) -> np.ndarray:
+        """Clear NaN actions of lanes that only start anew in this step; any other NaN is an error."""
+        over = self._core.lanes[:, at.DONE].reshape(-1)[: self.num_envs] > 0.0
+        lanes = np.flatnonzero(wrong & ~over)
+        if len(lanes):
+            raise ValueError(f"action of lane {lanes[0]} is NaN; it must be a number in [-1, 1]")
+        return np.where(wrong, np.float32(0.0), given)
 
     def _infos(self, outcome: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
         infos: dict[str, Any] = {}

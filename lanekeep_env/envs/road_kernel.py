@@ -21,7 +21,8 @@ from lanekeep_env.physics.integrate import (
     show_linear,
     show_magic_formula,
 )
-from lanekeep_env.physics.numeric import clip, like
+from lanekeep_env.physics.numeric import clip, larger, like, smaller
+from lanekeep_env.sensing.measure import measure
 from lanekeep_env.tasks.lane_keeping import judge
 
 
@@ -35,42 +36,46 @@ def _command(k, lanes, counters, settings, action):
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     as_rate = settings[at.ACTION_KIND] > zero
     block, clipped_ = lanes[k], counters[at.CLIPPED]
-    command_, before_, steer_ = block[at.COMMAND], block[at.STEER_BEFORE], block[at.STEER]
+    command_, before_, steer_, done_ = block[at.COMMAND], block[at.STEER_BEFORE], block[at.STEER], block[at.DONE]
     for i in range(n):
         given = like(limit, action[first + i])
-        clipped_[first + i] += abs(given) > one
+        clipped_[first + i] += (abs(given) > one) and done_[i] == zero
         wish = clip(given, -one, one) * scale
         integrated = command_[i] + wish * seconds
         command_[i] = clip(integrated if as_rate else wish, -limit, limit)
         before_[i] = steer_[i]
-    if block.shape[0] > at.HISTORY:
+    if settings[at.DELAY_DEPTH] > zero:
         _delay(block, settings)
     return np.int64(settings[at.SUBSTEPS])
 
 
 @helper
 def _delay(lanes, settings):
-    """Push the commands into the delay line.
+    """Push the commands into the delay line and pick the two that act in this control step.
 
-    A command DELAY_WHOLE steps old acts, and for the first DELAY_PART sub-steps the one before it.
+    With a delay of w control steps and p sub-steps a command w steps old acts, and for the first p
+    sub-steps the one before it.
     """
-    depth = lanes.shape[0] - at.HISTORY
-    whole = np.int64(settings[at.DELAY_WHOLE])
-    before = min(whole + 1, depth - 1)
+    depth, substeps = np.int64(settings[at.DELAY_DEPTH]), np.int64(settings[at.SUBSTEPS])
     for i in range(lanes.shape[1]):
         for k in range(depth - 1, 0, -1):
-            lanes[at.HISTORY + k, i] = lanes[at.HISTORY + k - 1, i]
-        lanes[at.HISTORY, i] = lanes[at.COMMAND, i]
-        lanes[at.DELAYED_THEN, i] = lanes[at.HISTORY + whole, i]
-        lanes[at.DELAYED_FIRST, i] = lanes[at.HISTORY + before, i]
+            lanes[at.LANE_ROWS + k, i] = lanes[at.LANE_ROWS + k - 1, i]
+        lanes[at.LANE_ROWS, i] = lanes[at.COMMAND, i]
+        whole = np.int64(lanes[at.DELAY, i]) // substeps
+        lanes[at.DELAYED_THEN, i] = lanes[at.LANE_ROWS + whole, i]
+        lanes[at.DELAYED_FIRST, i] = lanes[at.LANE_ROWS + min(whole + 1, depth - 1), i]
 
 
 @helper
 def _acting(substep, lanes, settings):
-    """Row of the command that acts in a sub-step."""
-    if lanes.shape[1] == at.HISTORY:
+    """Return the row of the commands that act in a sub-step of a block."""
+    if settings[at.DELAY_DEPTH] == like(settings[0], 0.0):
         return at.COMMAND
-    return at.DELAYED_FIRST if substep < np.int64(settings[at.DELAY_PART]) else at.DELAYED_THEN
+    substeps = np.int64(settings[at.SUBSTEPS])
+    for i in range(lanes.shape[1]):
+        part = np.int64(lanes[at.DELAY, i]) % substeps
+        lanes[at.ACTING, i] = lanes[at.DELAYED_FIRST, i] if substep < part else lanes[at.DELAYED_THEN, i]
+    return at.ACTING
 
 
 @helper
@@ -78,8 +83,9 @@ def _judge(n, lanes, settings, reward_, terminated_, truncated_, rate_, cost_):
     """Reward and flags of a block."""
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     half_lane, cap = settings[at.HALF_LANE], settings[at.COST_CAP]
-    horizon, last_step = settings[at.HORIZON], settings[at.MAX_STEPS]
-    weight, reference = settings[at.COST_WEIGHT], settings[at.COST_RATE]
+    horizon = settings[at.HORIZON]
+    last_step = smaller(horizon, settings[at.MAX_STEPS])
+    weight, lateral, reference = settings[at.COST_WEIGHT], settings[at.COST_LATERAL], settings[at.COST_RATE]
     ends = settings[at.DEPARTURE] == at.TERMINATE
     ignores = settings[at.DEPARTURE] == at.OFF
     d_, steer_, before_ = lanes[at.LATERAL], lanes[at.STEER], lanes[at.STEER_BEFORE]
@@ -89,7 +95,7 @@ def _judge(n, lanes, settings, reward_, terminated_, truncated_, rate_, cost_):
         step_[i] += one
         rate = (steer_[i] - before_[i]) / seconds
         reward, outside, terminated = judge(
-            d_[i], rate, horizon - step_[i], seconds, half_lane, weight, reference, cap, ends, ignores
+            d_[i], rate, horizon - step_[i], seconds, half_lane, lateral, weight, reference, cap, ends, ignores
         )
         departed = departed_[i]
         departed_[i] = one if outside > zero else departed
@@ -122,7 +128,7 @@ def _preview(first, last, samples, lanes, counters, road, settings, observation)
     low, high = settings[at.BOUNDS + 2 * STATE_CHANNELS], settings[at.BOUNDS + 2 * STATE_CHANNELS + 1]
     for i in range(first, last):
         segment = counters[at.SEGMENT, i]
-        along = lanes[at.ALONG, i]
+        along = larger(lanes[at.ALONG, i], like(low, 0.0))
         spacing = lanes[at.SPEED, i] * settings[at.PREVIEW_TIME]
         for k in range(samples):
             while along >= road[segment, at.R_LENGTH]:
@@ -148,10 +154,14 @@ def _observe(first, last, lanes, counters, road, settings, observation):
         channel = STATE_CHANNELS + samples
         place = at.BOUNDS + 2 * channel
         for i in range(first, last):
-            kappa = lanes[at.CURVATURE, i] + lanes[at.CURVATURE_SLOPE, i] * lanes[at.ALONG, i]
+            along = larger(lanes[at.ALONG, i], like(lanes[0, 0], 0.0))
+            kappa = lanes[at.CURVATURE, i] + lanes[at.CURVATURE_SLOPE, i] * along
             observation[i, channel] = clip(lanes[at.SIDESLIP, i], settings[place], settings[place + 1])
             observation[i, channel + 1] = clip(kappa, settings[place + 2], settings[place + 3])
             observation[i, channel + 2] = clip(lanes[at.ACCELERATION, i], settings[place + 4], settings[place + 5])
+    if settings[at.SENSED] > like(settings[0], 0.0):
+        for i in range(first, last):
+            measure(i, lanes, counters, settings, observation)
 
 
 @helper
@@ -179,6 +189,8 @@ def _restart(n, lanes, counters, road, roads, settings, observation, outcome):
             outcome[at.O_TERMINATED, i] = zero
             outcome[at.O_TRUNCATED, i] = zero
             starts = True
+        elif lanes[at.DONE, i] > zero:
+            outcome[at.O_REWARD, i] = zero  # the episode is over; its end was paid for
         elif outcome[at.O_TERMINATED, i] + outcome[at.O_TRUNCATED, i] > zero:
             lanes[at.DONE, i] = one
             if mode == at.SAME_STEP:
@@ -227,7 +239,7 @@ def _finish(k, lanes, counters, road, roads, settings, action, observation, outc
 def step_kinematic(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_kinematic(lanes[k], _acting(substep, lanes, settings), settings)
+            advance_kinematic(lanes[k], _acting(substep, lanes[k], settings), settings)
             cross_segments(k, lanes, counters, road)
         show_kinematic(lanes[k])
         _finish(k, lanes, counters, road, roads, settings, action, observation, outcome)
@@ -237,7 +249,7 @@ def step_kinematic(begin, end, lanes, counters, road, roads, settings, action, o
 def step_linear(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_linear(lanes[k], _acting(substep, lanes, settings), settings)
+            advance_linear(lanes[k], _acting(substep, lanes[k], settings), settings)
             cross_segments(k, lanes, counters, road)
         show_linear(lanes[k])
         _finish(k, lanes, counters, road, roads, settings, action, observation, outcome)
@@ -247,7 +259,7 @@ def step_linear(begin, end, lanes, counters, road, roads, settings, action, obse
 def step_magic(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_magic_formula(lanes[k], _acting(substep, lanes, settings), settings)
+            advance_magic_formula(lanes[k], _acting(substep, lanes[k], settings), settings)
             cross_segments(k, lanes, counters, road)
         show_magic_formula(lanes[k])
         _finish(k, lanes, counters, road, roads, settings, action, observation, outcome)

@@ -11,9 +11,10 @@ from gymnasium.utils import seeding
 
 from lanekeep_env import layout as at
 from lanekeep_env.envs import road_kernel
-from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.roads import Road, RoadSpec, SpeedSpec, build_roads
 from lanekeep_env.scenario import INTEGRATION_STEP, LaneKeepScenario
+from lanekeep_env.sensing import MEASURED_CHANNELS, Sensor
+from lanekeep_env.sensing.measure import TRUTH
 
 _MODELS = {
     ("kinematic", "linear"): at.KINEMATIC,
@@ -56,10 +57,13 @@ def road_tables(
         table[:n, at.R_SPEED_SQUARED_SLOPE] = np.diff(squared) / geometry.lengths
         table[:, at.R_NEXT] = first + np.arange(1, len(table) + 1)
         table[:, at.R_STATION] = geometry.stations[: len(table)]
+        table[:, at.R_PREVIOUS] = first + np.arange(len(table)) - 1
         latest = geometry.length
         if geometry.closed:
             table[-1, at.R_NEXT] = first
+            table[0, at.R_PREVIOUS] = first + n - 1
         else:
+            table[0, at.R_PREVIOUS] = -1
             table[-1, at.R_LENGTH] = np.inf
             table[-1, at.R_CURVATURE] = geometry.curvature_end[-1]
             table[-1, at.R_SPEED_SQUARED] = squared[-1]
@@ -97,32 +101,33 @@ class RoadLanes:
         max_steps: int | None = None,
     ) -> None:
         self.scenario = scenario
+        shortest = np.inf
         for road, _ in self.road_set():
             road.check_lane(scenario.lane_width / 2)
+            shortest = min(shortest, road.length)
+        self._shortest = float(shortest)
         self.dtype = dtype
         self.num_lanes = num_lanes
         self.num_channels = len(scenario.channels)
         self.settings = self._settings()
         self.settings[at.AUTORESET] = autoreset
         self.settings[at.MAX_STEPS] = max_steps or np.inf
-        delay_steps = round(scenario.vehicle.steering.delay / INTEGRATION_STEP)
-        substeps = round(scenario.control_step / INTEGRATION_STEP)
-        whole, part = divmod(delay_steps, substeps)
-        self.settings[at.DELAY_WHOLE], self.settings[at.DELAY_PART] = whole, part
-        depth = 0 if delay_steps == 0 else whole + 1 + (part > 0)
         blocks = -(-num_lanes // BLOCK)
-        self.lanes = np.zeros((blocks, at.LANE_ROWS + depth, -(-num_lanes // blocks)), dtype=dtype)
+        rows = at.LANE_ROWS + int(self.settings[at.DELAY_DEPTH]) + self._sensor_rows()
+        self.lanes = np.zeros((blocks, rows, -(-num_lanes // blocks)), dtype=dtype)
         self._free_start = np.full((at.START_ROWS, num_lanes), np.nan)
         self.counters = np.zeros((at.COUNTER_ROWS, num_lanes), dtype=np.int64)
         self.lanes[:, at.SEGMENT_LENGTH] = np.inf  # lanes that fill up the last block stand still
-        self._fill_car()
+        self.lanes[:, at.CAR : at.CAR + at.CAR_SIZE] = 1.0
         self.seeded = False
         self._bind()
 
     def _bind(self) -> None:
         """Fetch what is not kept in a pickle: road tables (large, constant) and compiled functions."""
         s = self.scenario
-        self.road, self.roads = road_tables(s.road, s.speed, s.road.fingerprint(), s.duration, self.dtype)
+        self.road, self.roads = road_tables(
+            s.road, s.speed, s.road.fingerprint(), s.episode_steps * s.control_step, self.dtype
+        )
         model = int(self.settings[at.MODEL])
         self.step = road_kernel.STEP[model]
         self.step_parallel = road_kernel.STEP_PARALLEL[model]
@@ -139,7 +144,7 @@ class RoadLanes:
         values[at.ACTION_KIND] = _ACTIONS[s.action]
         values[at.ACTION_SCALE] = s.max_steering_rate if rate_mode else s.max_steering_angle
         values[at.COMMAND_LIMIT] = min(s.max_steering_angle, steering.angle_limit or np.inf)
-        values[at.HALF_LANE] = s.lane_width / 2
+        values[at.HALF_LANE] = s.departure_limit
         values[at.DEPARTURE] = _DEPARTURES[s.departure]
         values[at.COST_WEIGHT] = s.cost_weight
         values[at.COST_RATE] = s.reference_steering_rate
@@ -148,30 +153,40 @@ class RoadLanes:
         values[at.PREVIEW_TIME] = s.preview_interval
         values[at.FULL] = s.observation == "full"
         values[at.START_LATERAL] = s.start_lateral_error
-        values[at.START_HEADING] = s.start_heading_error
-        values[at.MASS] = s.vehicle.mass
-        values[at.HORIZON] = round(s.duration / s.control_step)
+        values[at.START_HEADING] = s.start_course_error
+        values[at.COST_LATERAL] = s.reference_lateral_error
+        values[at.LATERAL_LIMIT] = getattr(s.speed, "lateral_acceleration", 0.0)
+        values[at.NOMINAL : at.NOMINAL + at.NOMINAL_SIZE] = (
+            s.vehicle.mass,
+            s.vehicle.yaw_inertia,
+            s.vehicle.cg_to_front_axle,
+            s.vehicle.cg_to_rear_axle,
+            s.vehicle.front_cornering_stiffness,
+            s.vehicle.rear_cornering_stiffness,
+            s.friction,
+            steering.lag,
+            np.inf if steering.rate_limit is None else steering.rate_limit,
+            steering.delay,
+        )
+        values[at.RANGES : at.RANGES + at.RANGES_SIZE] = s.randomisation.bounds()
+        longest = steering.delay + s.randomisation.steering_delay[1]
+        if longest > 0.0:
+            values[at.DELAY_DEPTH] = round(longest / INTEGRATION_STEP) // values[at.SUBSTEPS] + 2
+        values[at.SENSED] = bool(s.sensors)
+        sensors = dict(s.sensors)
+        values[at.SENSORS : at.BOUNDS] = [
+            number for channel in MEASURED_CHANNELS for number in sensors.get(channel, Sensor()).numbers(s.control_step)
+        ]
+        values[at.HORIZON] = s.episode_steps
         values[at.BOUNDS :] = s.channel_bounds().ravel()
         return values
 
-    def _fill_car(self) -> None:
-        car, steering = self.scenario.vehicle, self.scenario.vehicle.steering
-        load = self.scenario.friction * car.mass * GRAVITY / car.wheelbase
-        half = INTEGRATION_STEP / 2
-        self.lanes[:, at.CAR : at.CAR + at.CAR_SIZE] = np.array(
-            [
-                car.cg_to_front_axle,
-                car.cg_to_rear_axle,
-                1.0 / car.mass,
-                1.0 / car.yaw_inertia,
-                car.front_cornering_stiffness,
-                car.rear_cornering_stiffness,
-                load * car.cg_to_rear_axle,
-                load * car.cg_to_front_axle,
-            ]
-        )[:, None]
-        self.lanes[:, at.STEER_RESPONSE] = 1.0 if steering.lag == 0.0 else -np.expm1(-half / steering.lag)
-        self.lanes[:, at.STEER_CHANGE] = np.inf if steering.rate_limit is None else steering.rate_limit * half
+    def _sensor_rows(self) -> int:
+        """Rows in which the sensors of a lane remember."""
+        if not self.scenario.sensors:
+            return 0
+        delays = self.settings[at.SENSORS + 4 : at.BOUNDS : at.SENSOR_SIZE]
+        return int((TRUTH + 1 + delays).sum())
 
     def seed(self, seeds: Sequence[int | None]) -> None:
         """Give lane i the base key of ``seeds[i]``, the first draw of Gymnasium's generator for that seed."""
@@ -196,7 +211,6 @@ class RoadLanes:
 
     def _start(self, options: dict[str, Any]) -> np.ndarray:
         start = np.full((at.START_ROWS, self.num_lanes), np.nan)
-        lengths = np.array([road.length for road, _ in self.road_set()])
         for key, value in options.items():
             if key not in START_OPTIONS:
                 raise ValueError(f"reset option {key!r} is unknown; allowed: {', '.join(START_OPTIONS)}")
@@ -209,8 +223,8 @@ class RoadLanes:
         index, station = start[3], start[2]
         if np.any((index < 0) | (index >= len(self.roads)) | (index % 1 > 0)):
             raise ValueError(f"reset option road_index must be a whole number from 0 to {len(self.roads) - 1}")
-        if np.any((station < 0) | (station > lengths.min())):
-            raise ValueError(f"reset option arc_length must be from 0 to {lengths.min():.1f} m")
+        if np.any((station < 0) | (station > self._shortest)):
+            raise ValueError(f"reset option arc_length must be from 0 to {self._shortest:.1f} m")
         if np.any(np.abs(start[:2]) > [[20.0], [np.pi]]):
             raise ValueError("reset options lateral_error and heading_error must be within 20 m and pi rad")
         return start

@@ -1,18 +1,24 @@
-"""Where the lanes are on their road: segments crossed, episodes started."""
+"""Where the lanes are on their road: segments crossed, episodes started on a car of their own."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.compile import helper
-from lanekeep_env.physics.numeric import clip, like
+from lanekeep_env.compile import helper, inline
+from lanekeep_env.physics.numeric import clip, larger, like
+from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.physics.single_track import SMALLEST_PATH_SCALE
 from lanekeep_env.randomness import derive, uniform
 from lanekeep_env.tasks.lane_keeping import steady_turning
 
 # Counters of an episode's random draws: the order is part of an environment's version. (Typed, because
 # numba compiles a function anew for every literal it is called with.)
 DRAW_ROAD, DRAW_STATION, DRAW_LATERAL, DRAW_HEADING = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
+DRAW_CAR = np.int64(4)  # and the following, one a randomised number
+
+#: Share of the friction that the speed profile uses at the most.
+FRICTION_SHARE = 0.8
 
 
 @helper
@@ -22,36 +28,93 @@ def load_segment(i, segment, lanes, counters, road):
     lanes[at.SEGMENT_LENGTH, i] = road[segment, at.R_LENGTH]
     lanes[at.CURVATURE, i] = road[segment, at.R_CURVATURE]
     lanes[at.CURVATURE_SLOPE, i] = road[segment, at.R_CURVATURE_SLOPE]
-    lanes[at.SPEED_SQUARED, i] = road[segment, at.R_SPEED_SQUARED]
-    lanes[at.SPEED_SQUARED_SLOPE, i] = road[segment, at.R_SPEED_SQUARED_SLOPE]
+    lanes[at.SPEED_SQUARED, i] = road[segment, at.R_SPEED_SQUARED] * lanes[at.SPEED_FACTOR, i]
+    lanes[at.SPEED_SQUARED_SLOPE, i] = road[segment, at.R_SPEED_SQUARED_SLOPE] * lanes[at.SPEED_FACTOR, i]
     lanes[at.STATION, i] = road[segment, at.R_STATION]
 
 
 @helper
 def cross_segments(k, lanes, counters, road):
-    """Move lanes of block ``k`` that ran past the end of their segment into the next one.
+    """Move lanes of block ``k`` that left their segment, forwards or backwards, into the neighbour.
 
-    The sub-step ran on with the old segment's curvature for ``over`` metres; the difference to the new
-    one is put back in closed form, so headings stay exact over any number of jumps.
+    The sub-step ran on with the old segment's curvature for ``over`` metres; the turn that the new one
+    would have given over the same way is put in its place, so headings stay right over any number of jumps.
     """
     first, block = k * lanes.shape[2], lanes[k]
     along, length = block[at.ALONG], block[at.SEGMENT_LENGTH]
+    zero, half, one = like(along[0], 0.0), like(along[0], 0.5), like(along[0], 1.0)
+    least = like(along[0], SMALLEST_PATH_SCALE)
     for i in range(block.shape[1]):
         while along[i] >= length[i]:
             over = along[i] - length[i]
             slope = block[at.CURVATURE_SLOPE, i]
             old = block[at.CURVATURE, i] + slope * length[i]
-            load_segment(
-                i, np.int64(road[counters[at.SEGMENT, first + i], at.R_NEXT]), block, counters[:, first:], road
-            )
+            following = np.int64(road[counters[at.SEGMENT, first + i], at.R_NEXT])
+            load_segment(i, following, block, counters[:, first:], road)
             new = block[at.CURVATURE, i]
-            jump = old - new
-            bend = (slope - block[at.CURVATURE_SLOPE, i]) * over * like(over, 0.5)
             d = block[at.LATERAL, i]
-            one = like(over, 1.0)
-            block[at.LATERAL, i] = d + over * over * (jump * like(over, 0.5) + bend * like(over, 1.0 / 3.0))
-            block[at.HEADING, i] += over * (jump + bend)
-            along[i] = over * (one - d * old) / (one - d * new)
+            way = over * larger(one - d * old, least)  # driven beside the centre line
+            after = way / larger(one - d * new, least)
+            turned = (old + half * slope * over) * over
+            turn = turned - (new + half * block[at.CURVATURE_SLOPE, i] * after) * after
+            block[at.HEADING, i] += turn
+            block[at.LATERAL, i] = d + half * turn * way
+            along[i] = after
+        while along[i] < zero and road[counters[at.SEGMENT, first + i], at.R_PREVIOUS] >= zero:
+            # Backwards the old segment's start curvature was held: no turn but by that.
+            over = along[i]
+            old = block[at.CURVATURE, i]
+            before = np.int64(road[counters[at.SEGMENT, first + i], at.R_PREVIOUS])
+            load_segment(i, before, block, counters[:, first:], road)
+            new = block[at.CURVATURE, i] + block[at.CURVATURE_SLOPE, i] * length[i]
+            d = block[at.LATERAL, i]
+            after = over * larger(one - d * old, least) / larger(one - d * new, least)
+            block[at.HEADING, i] += old * over - new * after
+            along[i] = length[i] + after
+
+
+@inline
+def _within(key, which, settings):
+    """Draw the randomised number ``which`` (typed, see above) between its bounds; equal bounds give it exactly."""
+    low = np.float64(settings[at.RANGES + 2 * which])
+    high = np.float64(settings[at.RANGES + 2 * which + 1])
+    return low + (high - low) * uniform(key, DRAW_CAR + which)
+
+
+@helper
+def draw_car(i, key, lanes, settings):
+    """Write the car of the episode ``key``: the nominal one with the randomised numbers of `Randomisation`.
+
+    Yaw inertia scales with the mass; the axle loads, and with them the saturating tyres' peaks, follow
+    mass, friction and centre of gravity. The speed profile is slowed down where it would use more
+    than `FRICTION_SHARE` of the friction, so that every episode can be driven.
+    """
+    mass_factor, shift = _within(key, np.int64(0), settings), _within(key, np.int64(4), settings)
+    mass = settings[at.NOMINAL] * mass_factor
+    front, rear = settings[at.NOMINAL + 2] - shift, settings[at.NOMINAL + 3] + shift
+    friction = settings[at.NOMINAL + 6] * _within(key, np.int64(1), settings)
+    load = friction * mass * GRAVITY / (front + rear)
+    lanes[at.CAR, i] = front
+    lanes[at.CAR + 1, i] = rear
+    lanes[at.CAR + 2, i] = 1.0 / mass
+    lanes[at.CAR + 3, i] = 1.0 / (settings[at.NOMINAL + 1] * mass_factor)
+    lanes[at.CAR + 4, i] = settings[at.NOMINAL + 4] * _within(key, np.int64(2), settings)
+    lanes[at.CAR + 5, i] = settings[at.NOMINAL + 5] * _within(key, np.int64(3), settings)
+    lanes[at.CAR + 6, i] = load * rear
+    lanes[at.CAR + 7, i] = load * front
+    lag = settings[at.NOMINAL + 7] * _within(key, np.int64(6), settings)
+    half = 0.5 * settings[at.STEP_TIME]
+    lanes[at.STEER_RESPONSE, i] = 1.0 - np.exp(-half / lag) if lag > 0.0 else 1.0
+    lanes[at.STEER_CHANGE, i] = settings[at.NOMINAL + 8] * half
+    delay = settings[at.NOMINAL + 9] + _within(key, np.int64(7), settings)
+    lanes[at.DELAY, i] = np.floor(delay / settings[at.STEP_TIME] + 0.5)
+    speed = _within(key, np.int64(5), settings)
+    factor = speed * speed
+    demand = settings[at.LATERAL_LIMIT] * factor
+    grip = FRICTION_SHARE * friction * GRAVITY
+    if settings[at.MODEL] == at.MAGIC_FORMULA and demand > grip:
+        factor *= grip / demand
+    lanes[at.SPEED_FACTOR, i] = factor
 
 
 @helper
@@ -61,6 +124,7 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     NaN arguments are drawn from the episode's key. The car starts in steady driving along the road.
     """
     key = derive(np.uint64(counters[at.KEY, i]), counters[at.EPISODE, i])
+    draw_car(i, key, lanes, settings)
     which = np.int64(uniform(key, DRAW_ROAD) * roads.shape[0]) if np.isnan(road_index) else np.int64(road_index)
     first = np.int64(roads[which, at.S_FIRST])
     s = uniform(key, DRAW_STATION) * roads[which, at.S_LATEST_START] if np.isnan(station) else station
@@ -80,7 +144,7 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
         np.float64(lanes[at.CURVATURE, i]) + lanes[at.CURVATURE_SLOPE, i] * along,
         np.float64(lanes[at.CAR, i]),
         np.float64(lanes[at.CAR + 1, i]),
-        np.float64(settings[at.MASS]),
+        1.0 / np.float64(lanes[at.CAR + 2, i]),
         np.float64(lanes[at.CAR + 4, i]),
         np.float64(lanes[at.CAR + 5, i]),
         settings[at.MODEL] == at.KINEMATIC,
@@ -100,8 +164,8 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     lanes[at.STEER, i] = steer
     lanes[at.STEER_BEFORE, i] = steer
     lanes[at.COMMAND, i] = steer
-    for row in range(at.HISTORY, lanes.shape[0]):
-        lanes[row, i] = steer
+    for row in range(np.int64(settings[at.DELAY_DEPTH])):
+        lanes[at.LANE_ROWS + row, i] = steer
     zero = like(lanes[0, 0], 0.0)
     lanes[at.STEP, i] = zero
     lanes[at.DONE, i] = zero

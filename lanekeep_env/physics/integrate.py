@@ -16,7 +16,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import larger, like
+from lanekeep_env.physics.numeric import clip, larger, like, wrapped
 from lanekeep_env.physics.single_track import (
     dynamic_linear,
     dynamic_magic_formula,
@@ -26,6 +26,9 @@ from lanekeep_env.physics.single_track import (
     magic_formula_outputs,
 )
 from lanekeep_env.physics.steering import advance_steering
+
+#: A sideslip (rad) and a yaw rate (rad/s) at which a diverging car is held, so that numbers stay finite.
+LARGEST_SIDESLIP, LARGEST_YAW_RATE = 3.141592653589793, 50.0
 
 
 @inline
@@ -118,9 +121,9 @@ def shower(outputs: Callable[..., Any]) -> Callable[..., Any]:
     @helper
     @_named(outputs)
     def show(lanes):
-        """Write the rows SPEED, SIDESLIP, YAW_RATE and ACCELERATION of a block."""
+        """Write the rows SPEED, SIDESLIP, YAW_RATE and ACCELERATION of a block; wrap its headings."""
         along_, speed_, gain_ = lanes[at.ALONG], lanes[at.SPEED_SQUARED], lanes[at.SPEED_SQUARED_SLOPE]
-        beta_, r_, steer_ = lanes[at.SIDESLIP], lanes[at.YAW_RATE], lanes[at.STEER]
+        theta_, beta_, r_, steer_ = lanes[at.HEADING], lanes[at.SIDESLIP], lanes[at.YAW_RATE], lanes[at.STEER]
         front_, rear_, mass_, inertia_ = lanes[at.CAR], lanes[at.CAR + 1], lanes[at.CAR + 2], lanes[at.CAR + 3]
         stiff_f_, stiff_r_ = lanes[at.CAR + 4], lanes[at.CAR + 5]
         peak_f_, peak_r_ = lanes[at.CAR + 6], lanes[at.CAR + 7]
@@ -129,7 +132,11 @@ def shower(outputs: Callable[..., Any]) -> Callable[..., Any]:
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i])
             v = _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
             v_[i] = v
-            beta_[i], r_[i], acceleration_[i] = outputs(beta_[i], r_[i], steer_[i], v, car)
+            theta_[i] = wrapped(theta_[i])
+            # Only a car without saturating tyres gets there: a linear tyre's force has no end, nor has its spin.
+            beta = clip(beta_[i], -like(v, LARGEST_SIDESLIP), like(v, LARGEST_SIDESLIP))
+            r = clip(r_[i], -like(v, LARGEST_YAW_RATE), like(v, LARGEST_YAW_RATE))
+            beta_[i], r_[i], acceleration_[i] = outputs(beta, r, steer_[i], v, car)
 
     return show
 

@@ -79,10 +79,23 @@ def arctan(x):
 
 
 @inline
+def wrapped(x):
+    """Return the angle x (rad) in [-pi, pi)."""
+    turns = np.floor(x * like(x, 0.15915494309189535) + like(x, 0.5))
+    return x - turns * like(x, 6.283185307179586)
+
+
+@inline
 def clip(x, low, high):
     """Return x limited to [low, high]."""
     x = low if x < low else x
     return high if x > high else x
+
+
+@inline
+def smaller(x, y):
+    """Return the smaller of two numbers."""
+    return x if x < y else y
 
 
 @inline

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from lanekeep_env.checks import from_mapping, nearest, require
+from lanekeep_env.checks import from_mapping, nearest, plain_numbers, require
 
 GRAVITY = 9.81
 
@@ -36,6 +36,7 @@ class SteeringActuator:
         require("steering.rate_limit", self.rate_limit, "rad/s", above=0.0, optional=True)
         require("steering.angle_limit", self.angle_limit, "rad", above=0.0, at_most=1.5, optional=True)
         require("steering.delay", self.delay, "s", at_least=0.0, at_most=2.0)
+        plain_numbers(self)
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,9 @@ class VehicleParameters:
         require("vehicle.steering_ratio", self.steering_ratio, "", above=0.0)
         require("vehicle.length", self.length, "m", above=0.0)
         require("vehicle.width", self.width, "m", above=0.0)
+        if not isinstance(self.steering, SteeringActuator):
+            raise ValueError(f"vehicle.steering={self.steering!r} must be a mapping of SteeringActuator's fields")
+        plain_numbers(self)
 
     @property
     def wheelbase(self) -> float:
@@ -89,9 +93,8 @@ class VehicleParameters:
 def _commonroad(
     number: int, mass: float, inertia: float, front: float, rear: float, size: tuple[float, float], angle: float
 ) -> VehicleParameters:
-    """A CommonRoad vehicle; its normalised stiffness C_S becomes C = mu C_S m g l_other / l."""
-    friction, slip_stiffness = 1.0489, 21.92 / 1.0489
-    scale = friction * slip_stiffness * mass * GRAVITY / (front + rear)
+    """A CommonRoad vehicle; its normalised stiffness C_S becomes C = mu C_S m g l_other / l, mu C_S = -p_ky1."""
+    scale = 21.92 * mass * GRAVITY / (front + rear)
     return VehicleParameters(
         name=f"commonroad-{number}",
         mass=mass,
@@ -120,7 +123,10 @@ VEHICLES: dict[str, VehicleParameters] = {
             rear_cornering_stiffness=107665.0,
             steering_ratio=16.0,
             steering=SteeringActuator(lag=1.0 / 11.16),
-            source="Yin 2010, decoded from the printed gains at 25 m/s: b2 = 1.861 1/s², a22 = -128.4 m/s²",
+            source=(
+                "Yin 2010, a physical car decoded from the printed gains at 25 m/s (b2 = 1.861 1/s², "
+                "a22 = -128.4 m/s²); stiffnesses within that rounding that give all printed digits of k_c"
+            ),
         ),
         _commonroad(1, 1225.8878467253344, 1538.8533713561394, 0.88392, 1.50876, (4.298, 1.674), 0.91),
         _commonroad(2, 1093.2952334674046, 1791.5995300122856, 1.1561957064, 1.4227170936, (4.508, 1.61), 1.066),

@@ -1,7 +1,15 @@
 """Roads: piecewise-linear curvature over arc length, generators, file reader, speed along them."""
 
 from lanekeep_env.roads.file import read_road
-from lanekeep_env.roads.generators import CircleRoad, RandomRoads, SineRoad, SlalomRoad, StraightRoad, YinRoad
+from lanekeep_env.roads.generators import (
+    CircleRoad,
+    RandomRoads,
+    RoadWorksRoads,
+    SineRoad,
+    SlalomRoad,
+    StraightRoad,
+    YinRoad,
+)
 from lanekeep_env.roads.road import Road
 from lanekeep_env.roads.specs import ROADS, RoadFile, RoadSpec, build_roads, road_from
 from lanekeep_env.roads.speed import ConstantSpeed, LimitedSpeed, SpeedSpec, speed_from
@@ -15,6 +23,7 @@ __all__ = [
     "Road",
     "RoadFile",
     "RoadSpec",
+    "RoadWorksRoads",
     "SineRoad",
     "SlalomRoad",
     "SpeedSpec",

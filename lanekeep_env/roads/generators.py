@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from lanekeep_env.checks import require
+from lanekeep_env.checks import plain_numbers, require
 from lanekeep_env.roads.road import Floats, Road, fitted
 
 
@@ -27,6 +27,9 @@ class RoadRecord:
         """Text that changes whenever the road does."""
         return repr(sorted(self.to_dict().items()))
 
+    def __post_init__(self) -> None:
+        plain_numbers(self)
+
     def build(self) -> tuple[Road, ...]:
         """Return the roads of the set."""
         raise NotImplementedError
@@ -41,6 +44,7 @@ class StraightRoad(RoadRecord):
 
     def __post_init__(self) -> None:
         require("road.length", self.length, "m", above=0.0)
+        super().__post_init__()
 
     def build(self) -> tuple[Road, ...]:
         """One road."""
@@ -55,9 +59,9 @@ class CircleRoad(RoadRecord):
     radius: float = 150.0
 
     def __post_init__(self) -> None:
-        require(
-            "road.radius", abs(self.radius) if isinstance(self.radius, float | int) else self.radius, "m", above=0.0
-        )
+        require("road.radius", self.radius, "m")
+        require("|road.radius|", abs(self.radius), "m", above=0.0, at_most=1_000_000)
+        super().__post_init__()
 
     def build(self) -> tuple[Road, ...]:
         """One road."""
@@ -76,6 +80,7 @@ class SlalomRoad(RoadRecord):
 
     def __post_init__(self) -> None:
         _check_wave(self)
+        super().__post_init__()
 
     def build(self) -> tuple[Road, ...]:
         """One road."""
@@ -95,6 +100,7 @@ class SineRoad(RoadRecord):
 
     def __post_init__(self) -> None:
         _check_wave(self)
+        super().__post_init__()
 
     def build(self) -> tuple[Road, ...]:
         """One road."""
@@ -166,7 +172,7 @@ class RandomRoads(RoadRecord):
 
     Curvatures are log-uniform between gentlest and tightest, both signs equally likely; arcs turn by
     0.15 to 1.2 rad. A clothoid is so long that the lateral acceleration of 0.4 g (or of the design speed)
-    builds up at 1.5 m/s³, which keeps its parameter between R/3 and R as guidelines ask (RAA 2008).
+    builds up at 1.5 m/s³.
     """
 
     kind: ClassVar[str] = "random"
@@ -182,6 +188,7 @@ class RandomRoads(RoadRecord):
         require("road.design_speed", self.design_speed, "m/s", above=0.0, at_most=100.0)
         require("road.peak_curvature", self.peak_curvature, "1/m", at_least=self.gentlest_curvature, at_most=0.1)
         require("road.seed", self.seed, "", at_least=0, whole=True)
+        super().__post_init__()
 
     @property
     def gentlest_curvature(self) -> float:
@@ -211,3 +218,57 @@ class RandomRoads(RoadRecord):
         lengths, start, end = lengths[kept], start[kept], end[kept]
         last = int(np.searchsorted(np.cumsum(lengths), self.length)) + 1
         return Road(f"random-{self.seed}-{number}", lengths[:last], start[:last], end[:last])
+
+
+@dataclass(frozen=True)
+class RoadWorksRoads(RoadRecord):
+    """A set of lanes through road works: straights, and shifts to the side that undo each other.
+
+    The road is the centre of the lane itself. A shift by D over L is an S of clothoids whose curvature
+    runs 0, k, -k, 0 over L/4, L/2, L/4 with k = 8 D / L².
+
+    Attributes:
+        count, length (m), seed: as for `RandomRoads`.
+        shift: largest lateral shift, m; drawn between half of it and it.
+        shift_length: shortest length of a shift, m; drawn between it and 1.6 times it.
+    """
+
+    kind: ClassVar[str] = "roadworks"
+    count: int = 64
+    length: float = 3000.0
+    shift: float = 3.25
+    shift_length: float = 70.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
+        require("road.length", self.length, "m", at_least=500.0, at_most=1e6)
+        require("road.shift", self.shift, "m", above=0.0, at_most=20.0)
+        require("road.shift_length", self.shift_length, "m", above=0.0)
+        require("road.seed", self.seed, "", at_least=0, whole=True)
+        peak = 8 * self.shift / self.shift_length**2
+        if peak > 0.05:
+            raise ValueError(
+                f"road.shift={self.shift} m over road.shift_length={self.shift_length} m is not allowed: "
+                f"its curvature of {peak:.3f} 1/m must be <= 0.05 1/m"
+            )
+        super().__post_init__()
+
+    def build(self) -> tuple[Road, ...]:
+        """``count`` roads."""
+        rng = np.random.default_rng([self.seed, 0x3078])
+        return tuple(self._one(k, rng) for k in range(self.count))
+
+    def _one(self, number: int, rng: np.random.Generator) -> Road:
+        n = 4 + int(self.length / 60.0)
+        straight = rng.uniform(20.0, 120.0, n)
+        length = self.shift_length * rng.uniform(1.0, 1.6, n)
+        # Shifts go out and come back, so that the lane stays near the carriageway.
+        side = rng.choice([-1.0, 1.0], n // 2 + 1).repeat(2)[:n] * np.where(np.arange(n) % 2, -1.0, 1.0)
+        peak = 8.0 * self.shift * rng.uniform(0.5, 1.0, n // 2 + 1).repeat(2)[:n] * side / length**2
+        nothing = np.zeros(n)
+        lengths = np.column_stack([straight, length / 4, length / 2, length / 4]).ravel()
+        start = np.column_stack([nothing, nothing, peak, -peak]).ravel()
+        end = np.column_stack([nothing, peak, -peak, nothing]).ravel()
+        last = int(np.searchsorted(np.cumsum(lengths), self.length)) + 1
+        return Road(f"roadworks-{self.seed}-{number}", lengths[:last], start[:last], end[:last])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -14,6 +14,7 @@ from lanekeep_env.roads.generators import (
     CircleRoad,
     RandomRoads,
     RoadRecord,
+    RoadWorksRoads,
     SineRoad,
     SlalomRoad,
     StraightRoad,
@@ -30,30 +31,45 @@ class RoadFile(RoadRecord):
     Attributes:
         path: of the file.
         closed: None to tell from the distance between the last and the first point.
+
+    The record stands for the file's content when it was made: a file that changes afterwards is refused.
     """
 
     kind: ClassVar[str] = "file"
     path: str
     closed: bool | None = None
+    _digest: str = field(init=False, repr=False, compare=True, default="")
 
-    def fingerprint(self) -> str:
-        """Hash of the file's content and the closed flag; raises ValueError where there is no file."""
+    def __post_init__(self) -> None:
+        if not isinstance(self.path, str) or not (self.closed is None or isinstance(self.closed, bool)):
+            raise ValueError(f"road file: path={self.path!r} must be a path and closed={self.closed!r} a bool or None")
+        object.__setattr__(self, "_digest", self._read())
+
+    def _read(self) -> str:
         try:
-            content = Path(self.path).read_bytes()
+            return hashlib.sha256(Path(self.path).read_bytes()).hexdigest()
         except OSError as error:
             raise ValueError(f"road file {self.path!r} cannot be read: {error.strerror}") from None
-        return f"file {hashlib.sha256(content).hexdigest()} closed={self.closed}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return kind and fields as JSON-able values."""
+        return {"kind": self.kind, "path": self.path, "closed": self.closed}
+
+    def fingerprint(self) -> str:
+        """Hash of the file's content and the closed flag."""
+        return f"file {self._digest} closed={self.closed}"
 
     def build(self) -> tuple[Road, ...]:
         """One road, fitted to the file's points."""
+        if self._read() != self._digest:
+            raise ValueError(f"road file {self.path!r} has changed since this scenario was made; make it anew")
         return (read_road(self.path, self.closed),)
 
 
 RoadSpec = RoadRecord
 
-ROADS: dict[str, type[RoadRecord]] = {
-    record.kind: record for record in (StraightRoad, CircleRoad, SlalomRoad, SineRoad, RandomRoads, YinRoad, RoadFile)
-}
+_RECORDS = (StraightRoad, CircleRoad, SlalomRoad, SineRoad, RandomRoads, YinRoad, RoadWorksRoads, RoadFile)
+ROADS: dict[str, type[RoadRecord]] = {record.kind: record for record in _RECORDS}
 
 
 def road_from(value: str | Mapping[str, Any] | RoadRecord | Path) -> RoadRecord:
@@ -72,7 +88,7 @@ def road_from(value: str | Mapping[str, Any] | RoadRecord | Path) -> RoadRecord:
         raise ValueError(f"road={value!r} must be a name, a mapping with 'kind', or the path of a CSV file")
     settings = dict(value)
     kind = settings.pop("kind", None)
-    if kind not in ROADS:
+    if not isinstance(kind, str) or kind not in ROADS:
         if kind is None:
             raise ValueError(f"road={value!r} lacks 'kind'; allowed: {', '.join(ROADS)}")
         generators = [name for name in ROADS if name != "file"]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lanekeep_env.checks import from_mapping, require
+from lanekeep_env.checks import from_mapping, plain_numbers, require
 from lanekeep_env.roads.road import Floats, Road
 
 
@@ -25,6 +25,7 @@ class ConstantSpeed:
 
     def __post_init__(self) -> None:
         require("speed", self.speed, "m/s", at_least=0.0, at_most=100.0)
+        plain_numbers(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as JSON-able values."""
@@ -32,6 +33,7 @@ class ConstantSpeed:
 
     def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
         """Return the road and the speed at its segment borders, m/s, (n + 1,)."""
+        road = road.refined(100.0)  # so that positions stay exact in float32, and starts have places to be at
         return road, np.full(len(road.lengths) + 1, float(self.speed))
 
 
@@ -59,6 +61,7 @@ class LimitedSpeed:
         require("speed.minimum", self.minimum, "m/s", above=0.0, at_most=self.maximum, optional=True)
         require("speed.acceleration", self.acceleration, "m/s²", above=0.0)
         require("speed.deceleration", self.deceleration, "m/s²", above=0.0)
+        plain_numbers(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as JSON-able values."""
@@ -76,7 +79,8 @@ class LimitedSpeed:
         tightest = np.maximum(np.abs(road.curvature_start), np.abs(road.curvature_end))
         with np.errstate(divide="ignore"):
             limit = np.minimum(self.maximum**2, self.lateral_acceleration / tightest)
-        limit = np.maximum(limit, (self.minimum or minimum or 0.0) ** 2)
+        floor = self.minimum if self.minimum is not None else min(minimum or 0.0, self.maximum)
+        limit = np.maximum(limit, floor**2)
         # A closed road is driven three times round; the middle lap knows what comes before and behind.
         laps = 3 if road.closed else 1
         limit = np.tile(limit, laps)
@@ -108,6 +112,6 @@ def speed_from(value: float | Mapping[str, Any] | SpeedSpec | None) -> SpeedSpec
         if "speed" in value:
             return from_mapping(ConstantSpeed, value, "speed")
         return from_mapping(LimitedSpeed, value, "speed")
-    if isinstance(value, Real):
+    if isinstance(value, Real) and not isinstance(value, bool):
         return ConstantSpeed(float(value))
     raise ValueError(f"speed={value!r} must be a number in m/s or a mapping of LimitedSpeed's fields")

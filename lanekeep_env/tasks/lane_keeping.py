@@ -7,21 +7,18 @@ import numpy as np
 from lanekeep_env.compile import inline
 from lanekeep_env.physics.numeric import like
 
-#: Lateral error that costs 1 per second, m.
-REFERENCE_LATERAL_ERROR = 0.5
-
 
 @inline
-def running_cost(d, steering_rate, weight, reference_rate, cap):
-    """Return min(cap, (d / 0.5 m)² + weight (steering rate / reference)²), per second."""
-    lateral = d / like(d, REFERENCE_LATERAL_ERROR)
+def running_cost(d, steering_rate, reference_d, weight, reference_rate, cap):
+    """Return min(cap, (d / reference)² + weight (steering rate / reference)²), per second."""
+    lateral = d / reference_d
     effort = steering_rate / reference_rate
     cost = lateral * lateral + weight * effort * effort
     return cap if cost > cap else cost
 
 
 @inline
-def judge(d, steering_rate, steps_left, seconds, half_lane, weight, reference_rate, cap, ends, ignores):
+def judge(d, steering_rate, steps_left, seconds, half_lane, reference_d, weight, reference_rate, cap, ends, ignores):
     """Return (reward, outside, terminated) of a step of ``seconds``; the flags are 0 or 1.
 
     Outside the lane the step costs the cap; where a departure ends the episode (``ends``) it costs the
@@ -29,7 +26,7 @@ def judge(d, steering_rate, steps_left, seconds, half_lane, weight, reference_ra
     lane's edge does not count.
     """
     zero, one = like(d, 0.0), like(d, 1.0)
-    cost = running_cost(d, steering_rate, weight, reference_rate, cap)
+    cost = running_cost(d, steering_rate, reference_d, weight, reference_rate, cap)
     outside = one if abs(d) > half_lane else zero
     outside = zero if ignores else outside
     terminated = outside if ends else zero

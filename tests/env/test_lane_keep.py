@@ -1,5 +1,10 @@
 """The lane-keeping task: starts, costs, endings, channels, errors."""
 
+import os
+import pickle
+import subprocess
+import sys
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -8,6 +13,7 @@ from hypothesis import strategies as st
 
 import lanekeep_env
 from lanekeep_env import LaneKeepScenario, Termination
+from lanekeep_env.envs import road_lanes
 
 ID = "lanekeep/LaneKeep-v0"
 
@@ -54,19 +60,25 @@ def test_cost_is_the_documented_formula():
 
 
 @settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 10**6), early=st.integers(0, 40))
-def test_a_departure_is_worse_than_any_drive_inside_the_lane(seed, early):
-    """Returns rank sanely: the worst survivor gets at least what the best-looking leaver gets."""
-    env = gym.make(ID)
-    env.reset(seed=seed)
-    rng = np.random.default_rng(seed)
-    total, steps, done = 0.0, 0, False
+@given(
+    seed=st.integers(0, 10**6), leave=st.integers(1, 80), steps=st.integers(60, 200), dt=st.sampled_from([0.05, 0.1])
+)
+def test_returns_rank_a_departure_below_every_drive_inside_the_lane(seed, leave, steps, dt):
+    """The dearest survivor pays the cap at every step; who leaves, whenever, gets no more than he."""
+    env = gym.make(ID, episode_steps=steps, control_step=dt, road="straight", speed=20.0)
+    observation, _ = env.reset(seed=seed)
+    total, count, done = 0.0, 0, False
     while not done:
-        _, reward, terminated, truncated, info = step(env, rng.uniform(-0.05, 0.05) if steps < early else 1.0)
-        total, steps, done = total + reward, steps + 1, terminated or truncated
-    assert terminated and info["termination"] == Termination.LANE_DEPARTURE and not info["is_success"]
-    survivor_at_the_cap = -16.0 * 0.05 * (600 - (steps - 1))
-    assert reward == pytest.approx(survivor_at_the_cap, rel=1e-12)
+        steer = -0.03 * observation[0] - 0.6 * observation[1]
+        observation, reward, terminated, truncated, info = step(env, steer / 0.15 if count < leave else 1.0)
+        total, count, done = total + reward, count + 1, terminated or truncated
+    if terminated:
+        assert info["termination"] == Termination.LANE_DEPARTURE and not info["is_success"]
+        survivor_at_the_cap_from_then_on = -16.0 * dt * (steps - count + 1)
+        assert reward == pytest.approx(survivor_at_the_cap_from_then_on, rel=1e-9)
+        assert total >= -16.0 * dt * steps - 1e-9
+    else:
+        assert leave + 20 > steps and info["is_success"]
 
 
 def test_departure_modes():
@@ -118,6 +130,11 @@ def test_values_outside_the_box_are_clipped_and_counted():
     ("keywords", "words"),
     [
         ({"vehicel": "yin"}, ["vehicel", "vehicle"]),
+        ({"dtyp": "float32"}, ["dtyp", "did you mean 'dtype'"]),
+        ({"vehicle": {"steering": 0.1}}, ["vehicle.steering", "mapping"]),
+        ({"road": {"kind": ["sine"]}}, ["road", "sine"]),
+        ({"road": {"kind": "circle", "radius": 1e12}}, ["radius", "<= 1000000"]),
+        ({"speed": True}, ["speed", "True"]),
         ({"vehicle": "yinn"}, ["yinn", "yin", "commonroad-1"]),
         ({"vehicle": {"mass": -1.0}}, ["vehicle.mass", "-1.0", "kg", "> 0"]),
         ({"vehicle": {"mas": 1.0}}, ["mas", "mass"]),
@@ -159,6 +176,10 @@ def test_wrong_actions_are_named():
             env.unwrapped.step(bad)
     with pytest.raises(ValueError, match="NaN"):
         step(env, np.nan)
+    for bad in (np.array([None]), np.array(["left"])):
+        with pytest.raises(ValueError, match="not a number"):
+            env.unwrapped.step(bad)
+    assert np.isfinite(step(env, 0.0)[0]).all()
     vector = gym.make_vec(ID, 3, "vector_entry_point")
     vector.reset(seed=0)
     with pytest.raises(ValueError, match=r"shape \(3,\); they must have shape \(3, 1\)"):
@@ -181,6 +202,63 @@ def test_wrong_reset_options_are_named():
             env.reset(seed=0, options=options)
 
 
+def test_a_lane_that_starts_anew_ignores_its_action():
+    """Next-step autoreset: the action of the step that only resets is neither counted nor checked."""
+    env = gym.make_vec(ID, 2, "vector_entry_point", max_episode_steps=3)
+    env.reset(seed=0)
+    for _ in range(3):
+        env.step(np.zeros((2, 1), np.float32))
+    env.step(np.array([[np.nan], [7.0]], np.float32))
+    np.testing.assert_array_equal(env.unwrapped.clipped_actions, [0, 0])
+    with pytest.raises(ValueError, match="lane 0 is NaN"):
+        env.step(np.array([[np.nan], [0.0]], np.float32))
+
+
+def test_after_the_end_nothing_is_charged_again():
+    for env in (gym.make(ID), gym.make_vec(ID, 1, "vector_entry_point", autoreset_mode="disabled")):
+        env.reset(seed=0)
+        action = np.ones(env.action_space.shape, np.float32)
+        while not np.all(env.step(action)[2]):
+            pass
+        assert float(np.asarray(env.step(action)[1]).item()) == 0.0
+
+
+def test_numpy_numbers_and_whole_floats_are_plain_ones():
+    plain = LaneKeepScenario.from_keywords(preview=3, lane_width=3.0, road={"kind": "circle", "radius": 150.0})
+    other = LaneKeepScenario.from_keywords(
+        preview=np.int64(3), lane_width=np.float32(3), road={"kind": "circle", "radius": 150}
+    )
+    assert plain == other and plain.hash == other.hash
+    assert gym.make(ID, preview=3.0).observation_space.shape == (9,)
+    assert LaneKeepScenario(vehicle="commonroad-1", road="yin", speed=20.0).speed.speed == 20.0
+    gym.make(ID).reset(seed=np.int64(5))
+    gym.make_vec(ID, 2, "vector_entry_point").reset(seed=np.arange(2))
+
+
+def test_the_hash_is_the_same_in_every_process():
+    code = "import lanekeep_env; print(lanekeep_env.LaneKeepScenario().hash)"
+    hashes = {
+        subprocess.run(
+            [sys.executable, "-c", code], env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True
+        ).stdout.strip()
+        for seed in ("1", "2")
+    }
+    assert hashes == {LaneKeepScenario().hash}
+
+
+def test_a_road_file_that_changes_is_refused(tmp_path):
+    path = tmp_path / "road.csv"
+    path.write_text("\n".join(f"{5 * k}, {(k / 20) ** 2}" for k in range(60)))
+    env = gym.make(ID, road=str(path))
+    env.reset(seed=0)
+    saved, before = pickle.dumps(env.unwrapped), env.unwrapped.scenario.hash
+    path.write_text("\n".join(f"{5 * k}, {(k / 10) ** 2}" for k in range(60)))
+    assert env.unwrapped.scenario.hash == before and gym.make(ID, road=str(path)).unwrapped.scenario.hash != before
+    road_lanes.road_tables.cache_clear(), road_lanes._road_set.cache_clear()
+    with pytest.raises(ValueError, match="has changed"):
+        pickle.loads(saved)
+
+
 def test_scenario_is_frozen_and_hash_is_stable():
     scenario = LaneKeepScenario()
     with pytest.raises(AttributeError):
@@ -197,6 +275,7 @@ def test_random_driving_never_leaves_the_numbers():
         {"departure": "off", "tyre": "magic_formula", "friction": 0.2},
         {"departure": "cost", "dynamics": "kinematic", "max_steering_angle": 1.0},
         {"departure": "off", "speed": 0.0},
+        {"departure": "off", "vehicle": {"rear_cornering_stiffness": 3e4}, "speed": 50.0, "road": "straight"},
         {"departure": "off", "vehicle": "commonroad-1", "max_steering_angle": 0.9, "dtype": "float32"},
     ):
         env = gym.make_vec(ID, 64, "vector_entry_point", observation="full", preview=3, **keywords)

@@ -1,6 +1,7 @@
 """One smoke test over the registry: a new id is tested by being registered."""
 
 import copy
+import dataclasses
 import itertools
 import json
 import pickle
@@ -16,26 +17,35 @@ import lanekeep_env
 
 IDS = sorted(lanekeep_env.ENVIRONMENTS)
 
-#: Every option of an id with a value beside its default.
-OPTIONS = {
-    "lanekeep/LaneKeep-v0": {
-        "vehicle": ["commonroad-2", {"base": "yin", "mass": 2000.0, "steering": {"lag": 0.05, "delay": 0.07}}],
-        "dynamics": ["kinematic"],
-        "tyre": ["magic_formula"],
-        "friction": [0.5],
-        "road": ["yin", {"kind": "circle", "radius": 150.0}],
-        "speed": [20.0, {"lateral_acceleration": 2.0, "maximum": 30.0}],
-        "action": ["steering_rate"],
-        "max_steering_angle": [0.3],
-        "start_lateral_error": [1.0],
-        "departure": ["cost", "off"],
-        "preview": [4],
-        "observation": ["full"],
-        "control_step": [0.02],
-        "duration": [10.0],
-        "dtype": ["float32"],
-    }
+ON_A_ROAD = {
+    "vehicle": ["commonroad-2", {"base": "yin", "mass": 2000.0, "steering": {"lag": 0.05, "delay": 0.07}}],
+    "dynamics": ["kinematic"],
+    "tyre": ["magic_formula"],
+    "friction": [0.5],
+    "road": ["yin", {"kind": "circle", "radius": 150.0}],
+    "speed": [20.0, {"lateral_acceleration": 2.0, "maximum": 30.0}],
+    "action": ["steering_rate"],
+    "max_steering_angle": [0.3],
+    "max_steering_rate": [0.2],
+    "start_lateral_error": [0.3],
+    "start_course_error": [0.1],
+    "lane_width": [3.0],
+    "reference_lateral_error": [0.3],
+    "cost_weight": [0.5],
+    "reference_steering_rate": [0.2],
+    "cost_cap": [20.0],
+    "preview_interval": [0.2],
+    "departure": ["cost", "off"],
+    "preview": [4],
+    "observation": ["full"],
+    "randomisation": ["stress", {"steering_delay": [0.0, 0.07]}],
+    "sensors": ["poor", {"yaw_rate": {"noise": 0.01}}],
+    "control_step": [0.1],
+    "episode_steps": [300],
+    "dtype": ["float32"],
 }
+#: Every option of an id with a value beside its default.
+OPTIONS = {"lanekeep/LaneKeep-v0": ON_A_ROAD, "lanekeep/RoadWorks-v0": ON_A_ROAD}
 
 
 def checked(env):
@@ -72,6 +82,12 @@ def test_defaults_run_vector_pickle_and_copy(name):
 
 
 @pytest.mark.parametrize("name", IDS)
+def test_the_options_here_are_all_there_are(name):
+    fields = {field.name for field in dataclasses.fields(gym.make(name).unwrapped.scenario)}
+    assert set(OPTIONS[name]) == fields | {"dtype"}
+
+
+@pytest.mark.parametrize("name", IDS)
 def test_channels_name_the_observation(name):
     env = gym.make(name)
     space = env.observation_space
@@ -97,13 +113,12 @@ def test_check_env_passes_for_each_option_alone_and_in_pairs(name):
 
 
 @pytest.mark.parametrize("name", IDS)
-def test_stable_baselines_check_passes(name):
+def test_stable_baselines_check_passes_for_each_option_alone_and_in_pairs(name):
     check = pytest.importorskip("stable_baselines3.common.env_checker").check_env
-    for key, values in OPTIONS[name].items():
-        for value in values:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                check(gym.make(name, **{key: value}).unwrapped)
+    for chosen in each_option_and_pairs(name):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            check(gym.make(name, **dict(chosen)).unwrapped)
 
 
 @pytest.mark.parametrize("name", IDS)

@@ -14,6 +14,7 @@ VARIANTS = [
     {"dynamics": "kinematic", "action": "steering_rate"},
     {"tyre": "magic_formula", "observation": "full", "preview": 3},
     {"vehicle": {"steering": {"lag": 0.1, "delay": 0.07, "rate_limit": 0.3}}, "departure": "cost"},
+    {"tyre": "magic_formula", "randomisation": "stress", "sensors": "poor", "observation": "full", "preview": 2},
 ]
 
 
@@ -89,10 +90,10 @@ def test_truncation_is_the_same_in_all_skins(steps):
         assert flags == [k == steps] * 5
 
 
-@pytest.mark.parametrize("duration", [5.0, 30.0])
-def test_departure_charges_the_rest_of_the_duration_in_both_skins(duration):
+@pytest.mark.parametrize("steps", [100, 600])
+def test_departure_charges_the_rest_of_the_episode_in_both_skins(steps):
     rewards = []
-    for env in (gym.make(ID, duration=duration), gym.make_vec(ID, 1, "vector_entry_point", duration=duration)):
+    for env in (gym.make(ID, episode_steps=steps), gym.make_vec(ID, 1, "vector_entry_point", episode_steps=steps)):
         env.reset(seed=3)
         total, done, count = 0.0, False, 0
         while not done:
@@ -101,8 +102,30 @@ def test_departure_charges_the_rest_of_the_duration_in_both_skins(duration):
             last = float(np.asarray(reward).item())
             total += last
         rewards.append(total)
-        assert last == pytest.approx(-16.0 * 0.05 * (round(duration / 0.05) - count + 1), rel=1e-12)
+        assert last == pytest.approx(-16.0 * 0.05 * (steps - count + 1), rel=1e-12)
     assert rewards[0] == rewards[1]
+
+
+@pytest.mark.parametrize(
+    ("keywords", "steps"),
+    [
+        ({"episode_steps": 80}, 80),
+        ({"episode_steps": 80, "max_episode_steps": 50}, 50),
+        ({"episode_steps": 80, "max_episode_steps": 200}, 80),
+        ({"episode_steps": 700, "max_episode_steps": 700}, 700),
+        ({"max_episode_steps": -1}, 600),
+    ],
+)
+def test_an_episode_ends_at_its_own_length_or_the_shorter_limit(keywords, steps):
+    """One number rules charge and truncation; Gymnasium's limit can shorten an episode, never make leaving cheap."""
+    for env in (
+        gym.make(ID, departure="off", **keywords),
+        gym.make_vec(ID, 1, "vector_entry_point", departure="off", **keywords),
+    ):
+        env.reset(seed=0)
+        action = np.zeros(env.action_space.shape, np.float32)
+        ends = [bool(np.all(env.step(action)[3])) for _ in range(steps)]
+        assert ends == [False] * (steps - 1) + [True]
 
 
 def test_reset_mask_restarts_only_the_chosen_lanes():

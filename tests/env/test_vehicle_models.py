@@ -36,7 +36,9 @@ def drive(vehicle, speed, steering, *, road="straight", dt=0.01, start=None, **k
     for angle in steering:
         info = env.step(np.array([angle / 0.9], dtype=np.float32))[4]
         rows.append((info["arc_length"], info["lateral_error"], info["heading_error"]))
-    return np.array(rows)
+    table = np.array(rows)
+    table[:, 2] = np.unwrap(table[:, 2])
+    return table
 
 
 def as_sent(angles):

@@ -1,0 +1,98 @@
+"""What differs from episode to episode: the car and its actuator, drawn between bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from lanekeep_env.checks import choose, from_mapping, require
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Randomisation:
+    """Bounds (low, high) of what an episode draws uniformly; a single number fixes it.
+
+    Attributes:
+        mass: factor of mass and yaw inertia.
+        friction: factor of the road's friction (saturating tyre). The speed profile uses 80 % of the
+            friction at the most, so every episode can be driven.
+        front_cornering_stiffness, rear_cornering_stiffness: factors.
+        cg_shift: of the centre of gravity towards the front axle, m.
+        speed: factor of the speed profile.
+        steering_lag: factor of the actuator's lag.
+        steering_delay: transport delay added to the actuator's, s, rounded to 10 ms.
+
+    A policy is built from the nominal car: what is drawn here is what it does not know.
+    """
+
+    mass: Range = (1.0, 1.0)
+    friction: Range = (1.0, 1.0)
+    front_cornering_stiffness: Range = (1.0, 1.0)
+    rear_cornering_stiffness: Range = (1.0, 1.0)
+    cg_shift: Range = (0.0, 0.0)
+    speed: Range = (1.0, 1.0)
+    steering_lag: Range = (1.0, 1.0)
+    steering_delay: Range = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value = getattr(self, f.name)
+            low, high = value if isinstance(value, tuple | list) and len(value) == 2 else (value, value)
+            name = f"randomisation.{f.name}"
+            if f.name == "cg_shift":
+                limits: dict[str, Any] = {"at_least": -0.5, "at_most": 0.5}
+            elif f.name == "steering_delay":
+                limits = {"at_least": 0.0, "at_most": 2.0}
+            else:
+                limits = {"at_least": 0.05, "at_most": 20.0}
+            unit = {"cg_shift": "m", "steering_delay": "s"}.get(f.name, "")
+            require(name, low, unit, **limits)
+            require(name, high, unit, **limits)
+            if high < low:
+                raise ValueError(f"{name}={value!r} is not allowed: the bounds must be (low, high) with low <= high")
+            object.__setattr__(self, f.name, (float(low), float(high)))
+
+    def bounds(self) -> list[float]:
+        """Low and high of each field, in order."""
+        return [bound for f in fields(self) for bound in getattr(self, f.name)]
+
+
+#: Named sets: what a production car meets, and what a test engineer asks for.
+RANDOMISATIONS: dict[str, Randomisation] = {
+    "nominal": Randomisation(),
+    "mismatch": Randomisation(
+        mass=(0.9, 1.2),
+        friction=(0.6, 1.0),
+        front_cornering_stiffness=(0.8, 1.1),
+        rear_cornering_stiffness=(0.8, 1.1),
+        cg_shift=(-0.05, 0.05),
+        speed=(0.9, 1.0),
+        steering_lag=(0.8, 1.5),
+        steering_delay=(0.0, 0.03),
+    ),
+    "stress": Randomisation(
+        mass=(0.85, 1.3),
+        friction=(0.4, 1.0),
+        front_cornering_stiffness=(0.7, 1.2),
+        rear_cornering_stiffness=(0.7, 1.2),
+        cg_shift=(-0.1, 0.1),
+        speed=(0.8, 1.0),
+        steering_lag=(0.5, 2.0),
+        steering_delay=(0.0, 0.08),
+    ),
+}
+
+
+def randomisation_from(value: str | Mapping[str, Any] | Randomisation) -> Randomisation:
+    """Read a randomisation: a named set, a mapping of bounds, or a record; ValueError names what is wrong."""
+    if isinstance(value, Randomisation):
+        return value
+    if isinstance(value, str):
+        choose("randomisation", value, RANDOMISATIONS)
+        return RANDOMISATIONS[value]
+    if not isinstance(value, Mapping):
+        raise ValueError(f"randomisation={value!r} must be {', '.join(RANDOMISATIONS)} or a mapping of bounds")
+    return from_mapping(Randomisation, value, "randomisation")

@@ -1,0 +1,120 @@
+"""Sensors with faults: the records that describe them (the kernel's part is `measure.py`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
+
+#: Channels that come from sensors, in the order of the observation.
+MEASURED_CHANNELS = ("lateral_error", "heading_error", "yaw_rate", "speed", "steering_angle")
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Faults of one measured channel, each off by default; units are those of the channel.
+
+    Attributes:
+        noise: standard deviation of white Gaussian noise, a value a sample.
+        bias: standard deviation of an offset that is drawn once an episode.
+        resolution: step of the quantised value.
+        period: s between samples, a multiple of the control step; the last sample is held.
+        delay: s from the event to its sample, a multiple of the control step.
+        dropout: probability that a sample is lost; the last one is held.
+        jump: largest offset, either side, of a step-like error as of satellite positioning ...
+        jump_rate: ... which takes a new value this many times a second on average.
+
+    The sample comes delayed, then offset, noisy and quantised. A channel that is
+    slower than the control step or drops samples has a channel ``NAME_new`` at the observation's end, 1 where
+    the observation brings a new sample.
+    """
+
+    noise: float = 0.0
+    bias: float = 0.0
+    resolution: float = 0.0
+    period: float = 0.0
+    delay: float = 0.0
+    dropout: float = 0.0
+    jump: float = 0.0
+    jump_rate: float = 0.0
+
+    def __post_init__(self) -> None:
+        plain_numbers(self)
+
+    def check(self, channel: str, control_step: float) -> None:
+        """Raise ValueError for a number that is not allowed at this control step (s)."""
+        name = f"sensors.{channel}"
+        for field in ("noise", "bias", "resolution", "jump", "jump_rate"):
+            require(f"{name}.{field}", getattr(self, field), "", at_least=0.0)
+        require(f"{name}.dropout", self.dropout, "", at_least=0.0, at_most=1.0)
+        for field in ("period", "delay"):
+            seconds = getattr(self, field)
+            require(f"{name}.{field}", seconds, "s", at_least=0.0, at_most=5.0)
+            if abs(seconds / control_step - round(seconds / control_step)) > 1e-6:
+                raise ValueError(
+                    f"{name}.{field}={seconds!r} is not allowed: it must be a multiple of the control step, "
+                    f"{control_step} s"
+                )
+        if self.jump_rate * control_step > 1.0:
+            raise ValueError(f"{name}.jump_rate={self.jump_rate!r} is not allowed: at most one jump a control step")
+
+    def numbers(self, control_step: float) -> list[float]:
+        """What the kernel needs, in the order of `layout.SENSOR_SIZE`."""
+        period = max(1, round(self.period / control_step))
+        delay = round(self.delay / control_step)
+        jumps = self.jump_rate * control_step
+        return [self.noise, self.bias, self.resolution, period, delay, self.dropout, self.jump, jumps]
+
+
+#: Named sets: production sensors (camera, inertial sensors, wheel speeds), and bad ones.
+SENSOR_SETS: dict[str, dict[str, Sensor]] = {
+    "production": {
+        "lateral_error": Sensor(noise=0.03, resolution=0.01, period=0.05, delay=0.05),
+        "heading_error": Sensor(noise=0.003, period=0.05, delay=0.05),
+        "yaw_rate": Sensor(noise=0.005, bias=0.002),
+        "speed": Sensor(noise=0.05),
+        "steering_angle": Sensor(noise=0.0002, resolution=0.0001),
+    },
+    "poor": {
+        "lateral_error": Sensor(noise=0.06, bias=0.05, period=0.1, delay=0.1, dropout=0.1, jump=0.3, jump_rate=0.1),
+        "heading_error": Sensor(noise=0.006, bias=0.002, period=0.1, delay=0.1, dropout=0.1),
+        "yaw_rate": Sensor(noise=0.01, bias=0.01),
+        "speed": Sensor(noise=0.2, bias=0.2),
+        "steering_angle": Sensor(noise=0.0005, bias=0.002, resolution=0.0005),
+    },
+}
+
+Sensors = tuple[tuple[str, Sensor], ...]
+
+
+def sensors_from(value: str | Mapping[str, Any] | Sensors | None) -> Sensors:
+    """Read sensors: None (perfect), a named set, or a mapping of channels to `Sensor` or its fields.
+
+    Raises:
+        ValueError: unknown set, channel or field; the nearest valid one is named.
+    """
+    if value is None:
+        return ()
+    if isinstance(value, tuple):
+        return value
+    if isinstance(value, str):
+        choose("sensors", value, SENSOR_SETS)
+        return tuple(SENSOR_SETS[value].items())
+    if not isinstance(value, Mapping):
+        raise ValueError(f"sensors={value!r} must be {', '.join(SENSOR_SETS)} or a mapping of channels to faults")
+    read: dict[str, Sensor] = {}
+    for channel, sensor in value.items():
+        if channel not in MEASURED_CHANNELS:
+            raise ValueError(
+                f"sensors has no channel {channel!r}{nearest(channel, MEASURED_CHANNELS)}; "
+                f"allowed: {', '.join(MEASURED_CHANNELS)}"
+            )
+        read[channel] = sensor if isinstance(sensor, Sensor) else from_mapping(Sensor, sensor, f"sensors.{channel}")
+    return tuple((channel, read[channel]) for channel in MEASURED_CHANNELS if channel in read)
+
+
+def sensors_to_dict(sensors: Sensors) -> dict[str, Any]:
+    """JSON-able form that `sensors_from` reads back."""
+    return {channel: asdict(sensor) for channel, sensor in sensors}

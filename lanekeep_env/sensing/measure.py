@@ -1,0 +1,73 @@
+"""Sensors with faults, in the kernel: the measured channels of one lane, and what they remember."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lanekeep_env import layout as at
+from lanekeep_env.compile import helper, inline
+from lanekeep_env.physics.numeric import clip, like
+from lanekeep_env.randomness import derive, uniform
+
+# A lane's draws of one control step live under a key of their own; numbers of the draws of one sensor:
+NOISE, NOISE_ANGLE, DROPPED, JUMPS, JUMP_SIZE = np.int64(0), np.int64(1), np.int64(2), np.int64(3), np.int64(4)
+DRAWS = np.int64(8)  # a sensor
+#: Counter of the first key of a step; far above the draws of an episode's start.
+FIRST_STEP = np.int64(1 << 32)
+#: Rows of one sensor in the lane: value held, offset by jumps, bias; then the truth, newest first.
+HELD, OFFSET, BIAS, TRUTH = 0, 1, 2, 3
+
+
+@inline
+def _normal(key, counter):
+    """Standard normal number (Box-Muller) from the draws ``counter`` and the next."""
+    radius = np.sqrt(-2.0 * np.log(1.0 - uniform(key, counter)))
+    return radius * np.cos(6.283185307179586 * uniform(key, counter + np.int64(1)))
+
+
+@helper
+def measure(i, lanes, counters, settings, observation):
+    """Replace the measured channels of lane i by what its sensors give, and write their new-sample channels."""
+    episode = derive(np.uint64(counters[at.KEY, i]), counters[at.EPISODE, i])
+    step = np.int64(lanes[at.STEP, i])
+    key = derive(episode, FIRST_STEP + step)
+    first = derive(episode, FIRST_STEP)
+    row = at.LANE_ROWS + np.int64(settings[at.DELAY_DEPTH])
+    flag = observation.shape[1]
+    for channel in range(at.MEASURED):
+        base = at.SENSORS + channel * at.SENSOR_SIZE
+        if settings[base + 3] > 1.0 or settings[base + 5] > 0.0:
+            flag -= 1
+    for channel in range(at.MEASURED):
+        base = at.SENSORS + channel * at.SENSOR_SIZE
+        noise, bias, resolution = settings[base], settings[base + 1], settings[base + 2]
+        period, delay = np.int64(settings[base + 3]), np.int64(settings[base + 4])
+        dropout, jump, jumps = settings[base + 5], settings[base + 6], settings[base + 7]
+        truth = lanes[at.LATERAL + channel, i]
+        draw = np.int64(channel) * DRAWS
+        if step == 0:
+            lanes[row + HELD, i] = truth
+            lanes[row + OFFSET, i] = like(truth, 0.0)
+            lanes[row + BIAS, i] = bias * _normal(first, draw + JUMP_SIZE + np.int64(1))
+            for k in range(delay + 1):
+                lanes[row + TRUTH + k, i] = truth
+        else:
+            for k in range(delay, 0, -1):
+                lanes[row + TRUTH + k, i] = lanes[row + TRUTH + k - 1, i]
+            lanes[row + TRUTH, i] = truth
+        if jump > 0.0 and uniform(key, draw + JUMPS) < jumps:
+            lanes[row + OFFSET, i] = jump * (2.0 * uniform(key, draw + JUMP_SIZE) - 1.0)
+        sampled = step == 0 or (step % period == 0 and (dropout == 0.0 or uniform(key, draw + DROPPED) >= dropout))
+        if sampled:
+            value = np.float64(lanes[row + TRUTH + delay, i]) + lanes[row + BIAS, i] + lanes[row + OFFSET, i]
+            if noise > 0.0:
+                value += noise * _normal(key, draw + NOISE)
+            if resolution > 0.0:
+                value = resolution * np.floor(value / resolution + 0.5)
+            lanes[row + HELD, i] = value
+        place = at.BOUNDS + 2 * channel
+        observation[i, channel] = clip(lanes[row + HELD, i], settings[place], settings[place + 1])
+        if period > 1 or dropout > 0.0:
+            observation[i, flag] = 1.0 if sampled else 0.0
+            flag += 1
+        row += TRUTH + 1 + delay
