@@ -92,15 +92,15 @@ START_LATERAL = 19  # m, either side
 START_HEADING = 20  # rad, either side
 HORIZON = 21  # steps for whose rest a departure is charged
 LATERAL_LIMIT = 22  # largest lateral acceleration of the speed profile, m/s²; 0 for a constant speed
-SENSED = 23  # 1 where sensors have faults
-NOMINAL = 24  # the nominal car: mass, yaw inertia, l_f, l_r, C_f, C_r, friction, lag, rate limit, delay
+NOMINAL = 23  # the nominal car: mass, yaw inertia, l_f, l_r, C_f, C_r, friction, lag, rate limit, delay
 NOMINAL_SIZE = 10
-RANGES = 34  # low and high of each randomised number, in the order of `Randomisation`
+RANGES = 33  # low and high of each randomised number, in the order of `Randomisation`
 RANGES_SIZE = 16
-SENSORS = 50  # SENSOR_SIZE numbers for each measured channel
-SENSOR_SIZE = 8  # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample
+BOUNDS = 49  # low and high of each channel follow, channel by channel
+
+# sensors: (MEASURED, SENSOR_SIZE), or None where all are perfect
 MEASURED = 5  # lateral_error, heading_error, yaw_rate, speed, steering_angle
-BOUNDS = SENSORS + MEASURED * SENSOR_SIZE  # low and high of each channel follow, channel by channel
+SENSOR_SIZE = 8  # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample
 
 # values of the switches
 KINEMATIC, LINEAR, MAGIC_FORMULA = 0, 1, 2

@@ -152,18 +152,8 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         observation = np.empty((n, channels), dtype=np.float32)
         rows = 2 * at.OUTCOME_ROWS + channels if self._same_step else at.OUTCOME_ROWS
         outcome = np.empty((rows, n), dtype=core.dtype)
-        arguments = (
-            0,
-            len(core.lanes),
-            core.lanes,
-            core.counters,
-            core.road,
-            core.roads,
-            core.settings,
-            given,
-            observation,
-            outcome,
-        )
+        state = (core.lanes, core.counters, core.road, core.roads, core.settings, core.sensors)
+        arguments = (0, len(core.lanes), *state, given, observation, outcome)
         if self._threads == 1:
             core.step(*arguments)
         else:

@@ -140,7 +140,7 @@ def _preview(first, last, samples, lanes, counters, road, settings, observation)
 
 
 @helper
-def _observe(first, last, lanes, counters, road, settings, observation):
+def _observe(first, last, lanes, counters, road, settings, sensors, observation):
     """Write the observations of lanes; the order is that of `LaneKeepScenario.channels`."""
     for channel in range(STATE_CHANNELS):
         low, high = settings[at.BOUNDS + 2 * channel], settings[at.BOUNDS + 2 * channel + 1]
@@ -159,13 +159,15 @@ def _observe(first, last, lanes, counters, road, settings, observation):
             observation[i, channel] = clip(lanes[at.SIDESLIP, i], settings[place], settings[place + 1])
             observation[i, channel + 1] = clip(kappa, settings[place + 2], settings[place + 3])
             observation[i, channel + 2] = clip(lanes[at.ACCELERATION, i], settings[place + 4], settings[place + 5])
-    if settings[at.SENSED] > like(settings[0], 0.0):
+    if sensors is not None:  # decided when the kernel is compiled, by the type of the argument
         for i in range(first, last):
-            measure(i, lanes, counters, settings, observation)
+            measure(i, lanes, counters, settings, sensors, observation)
 
 
 @helper
-def _start(i, lateral, heading, station, road_index, lanes, counters, road, roads, settings, observation, outcome):
+def _start(
+    i, lateral, heading, station, road_index, lanes, counters, road, roads, settings, sensors, observation, outcome
+):
     """Start the next episode of a lane: state, truth and observation."""
     counters[at.EPISODE, i] += 1
     start_lane(i, lateral, heading, station, road_index, lanes, counters, road, roads, settings)
@@ -173,11 +175,11 @@ def _start(i, lateral, heading, station, road_index, lanes, counters, road, road
     outcome[at.O_STEERING_RATE, i] = zero
     outcome[at.O_COST, i] = zero
     _report(i, i + 1, lanes, outcome)
-    _observe(i, i + 1, lanes, counters, road, settings, observation)
+    _observe(i, i + 1, lanes, counters, road, settings, sensors, observation)
 
 
 @helper
-def _restart(n, lanes, counters, road, roads, settings, observation, outcome):
+def _restart(n, lanes, counters, road, roads, settings, sensors, observation, outcome):
     """Start new episodes where the autoreset mode says so."""
     mode = np.int64(settings[at.AUTORESET])
     zero, one, nan = like(lanes[0, 0], 0.0), like(lanes[0, 0], 1.0), np.nan
@@ -200,11 +202,11 @@ def _restart(n, lanes, counters, road, roads, settings, observation, outcome):
                     outcome[2 * at.OUTCOME_ROWS + channel, i] = observation[i, channel]
                 starts = True
         if starts:
-            _start(i, nan, nan, nan, nan, lanes, counters, road, roads, settings, observation, outcome)
+            _start(i, nan, nan, nan, nan, lanes, counters, road, roads, settings, sensors, observation, outcome)
 
 
 @helper
-def _finish(k, lanes, counters, road, roads, settings, action, observation, outcome):
+def _finish(k, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
     """Judge the step of block ``k``, tell its truth and observations, start the next episodes."""
     first = k * lanes.shape[2]
     last = min(first + lanes.shape[2], action.shape[0])
@@ -227,60 +229,60 @@ def _finish(k, lanes, counters, road, roads, settings, action, observation, outc
     )
     begin = np.int64(0)  # a literal would be a type of its own and compile both functions twice
     _report(begin, n, block, told)
-    _observe(begin, n, block, counted, road, settings, seen)
-    _restart(n, block, counted, road, roads, settings, seen, told)
+    _observe(begin, n, block, counted, road, settings, sensors, seen)
+    _restart(n, block, counted, road, roads, settings, sensors, seen, told)
 
 
 # One control step of the blocks ``begin`` to ``end``; one kernel a vehicle model, so that a process
-# compiles only what it uses. numba's cache wants kernels spelled out.
+# compiles only what it uses. numba's cache wants kernels spelled out. ``sensors`` is None where they are perfect.
 
 
 @kernel()
-def step_kinematic(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
+def step_kinematic(begin, end, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_kinematic(lanes[k], _acting(substep, lanes[k], settings), settings)
             cross_segments(k, lanes, counters, road)
         show_kinematic(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, action, observation, outcome)
 
 
 @kernel()
-def step_linear(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
+def step_linear(begin, end, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_linear(lanes[k], _acting(substep, lanes[k], settings), settings)
             cross_segments(k, lanes, counters, road)
         show_linear(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, action, observation, outcome)
 
 
 @kernel()
-def step_magic(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
+def step_magic(begin, end, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_magic_formula(lanes[k], _acting(substep, lanes[k], settings), settings)
             cross_segments(k, lanes, counters, road)
         show_magic_formula(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, action, observation, outcome)
 
 
 @kernel(parallel=True)
-def step_kinematic_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
+def step_kinematic_parallel(begin, end, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
     for k in prange(begin, end):
-        step_kinematic(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome)
+        step_kinematic(k, k + 1, lanes, counters, road, roads, settings, sensors, action, observation, outcome)
 
 
 @kernel(parallel=True)
-def step_linear_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
+def step_linear_parallel(begin, end, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
     for k in prange(begin, end):
-        step_linear(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome)
+        step_linear(k, k + 1, lanes, counters, road, roads, settings, sensors, action, observation, outcome)
 
 
 @kernel(parallel=True)
-def step_magic_parallel(begin, end, lanes, counters, road, roads, settings, action, observation, outcome):
+def step_magic_parallel(begin, end, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
     for k in prange(begin, end):
-        step_magic(k, k + 1, lanes, counters, road, roads, settings, action, observation, outcome)
+        step_magic(k, k + 1, lanes, counters, road, roads, settings, sensors, action, observation, outcome)
 
 
 #: Kernel of one control step by vehicle model, on one thread and on several.
@@ -293,7 +295,7 @@ STEP_PARALLEL = {
 
 
 @kernel()
-def reset(mask, start, lanes, counters, road, roads, settings, observation, outcome):
+def reset(mask, start, lanes, counters, road, roads, settings, sensors, observation, outcome):
     """Start the next episode where ``mask`` is set; ``start`` (4, n) fixes what is not NaN."""
     size = lanes.shape[2]
     for k in range(mask.shape[0]):
@@ -313,6 +315,7 @@ def reset(mask, start, lanes, counters, road, roads, settings, observation, outc
                 road,
                 roads,
                 settings,
+                sensors,
                 observation[first:last],
                 outcome[:, first:last],
             )

@@ -113,7 +113,10 @@ class RoadLanes:
         self.settings[at.AUTORESET] = autoreset
         self.settings[at.MAX_STEPS] = max_steps or np.inf
         blocks = -(-num_lanes // BLOCK)
-        rows = at.LANE_ROWS + int(self.settings[at.DELAY_DEPTH]) + self._sensor_rows()
+        self.sensors = self._sensors()
+        rows = at.LANE_ROWS + int(self.settings[at.DELAY_DEPTH])
+        if self.sensors is not None:
+            rows += int((TRUTH + 1 + self.sensors[:, 4]).sum())
         self.lanes = np.zeros((blocks, rows, -(-num_lanes // blocks)), dtype=dtype)
         self._free_start = np.full((at.START_ROWS, num_lanes), np.nan)
         self.counters = np.zeros((at.COUNTER_ROWS, num_lanes), dtype=np.int64)
@@ -172,21 +175,19 @@ class RoadLanes:
         longest = steering.delay + s.randomisation.steering_delay[1]
         if longest > 0.0:
             values[at.DELAY_DEPTH] = round(longest / INTEGRATION_STEP) // values[at.SUBSTEPS] + 2
-        values[at.SENSED] = bool(s.sensors)
-        sensors = dict(s.sensors)
-        values[at.SENSORS : at.BOUNDS] = [
-            number for channel in MEASURED_CHANNELS for number in sensors.get(channel, Sensor()).numbers(s.control_step)
-        ]
         values[at.HORIZON] = s.episode_steps
         values[at.BOUNDS :] = s.channel_bounds().ravel()
         return values
 
-    def _sensor_rows(self) -> int:
-        """Rows in which the sensors of a lane remember."""
-        if not self.scenario.sensors:
-            return 0
-        delays = self.settings[at.SENSORS + 4 : at.BOUNDS : at.SENSOR_SIZE]
-        return int((TRUTH + 1 + delays).sum())
+    def _sensors(self) -> np.ndarray | None:
+        """Numbers of the sensors, (channels, `layout.SENSOR_SIZE`), or None where all are perfect."""
+        s = self.scenario
+        if not s.sensors:
+            return None
+        given = dict(s.sensors)
+        return np.array(
+            [given.get(channel, Sensor()).numbers(s.control_step) for channel in MEASURED_CHANNELS], dtype=self.dtype
+        )
 
     def seed(self, seeds: Sequence[int | None]) -> None:
         """Give lane i the base key of ``seeds[i]``, the first draw of Gymnasium's generator for that seed."""
@@ -206,7 +207,16 @@ class RoadLanes:
         """Start the next episode of the lanes in ``mask`` (bool, (n,)), writing their observations and truth."""
         start = self._start(options) if options else self._free_start
         road_kernel.reset(
-            mask, start, self.lanes, self.counters, self.road, self.roads, self.settings, observation, outcome
+            mask,
+            start,
+            self.lanes,
+            self.counters,
+            self.road,
+            self.roads,
+            self.settings,
+            self.sensors,
+            observation,
+            outcome,
         )
 
     def _start(self, options: dict[str, Any]) -> np.ndarray:

@@ -26,7 +26,7 @@ def _normal(key, counter):
 
 
 @helper
-def measure(i, lanes, counters, settings, observation):
+def measure(i, lanes, counters, settings, sensors, observation):
     """Replace the measured channels of lane i by what its sensors give, and write their new-sample channels."""
     episode = derive(np.uint64(counters[at.KEY, i]), counters[at.EPISODE, i])
     step = np.int64(lanes[at.STEP, i])
@@ -35,14 +35,12 @@ def measure(i, lanes, counters, settings, observation):
     row = at.LANE_ROWS + np.int64(settings[at.DELAY_DEPTH])
     flag = observation.shape[1]
     for channel in range(at.MEASURED):
-        base = at.SENSORS + channel * at.SENSOR_SIZE
-        if settings[base + 3] > 1.0 or settings[base + 5] > 0.0:
+        if sensors[channel, 3] > 1.0 or sensors[channel, 5] > 0.0:
             flag -= 1
     for channel in range(at.MEASURED):
-        base = at.SENSORS + channel * at.SENSOR_SIZE
-        noise, bias, resolution = settings[base], settings[base + 1], settings[base + 2]
-        period, delay = np.int64(settings[base + 3]), np.int64(settings[base + 4])
-        dropout, jump, jumps = settings[base + 5], settings[base + 6], settings[base + 7]
+        noise, bias, resolution = sensors[channel, 0], sensors[channel, 1], sensors[channel, 2]
+        period, delay = np.int64(sensors[channel, 3]), np.int64(sensors[channel, 4])
+        dropout, jump, jumps = sensors[channel, 5], sensors[channel, 6], sensors[channel, 7]
         truth = lanes[at.LATERAL + channel, i]
         draw = np.int64(channel) * DRAWS
         if step == 0:
