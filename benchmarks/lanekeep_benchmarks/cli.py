@@ -1,4 +1,4 @@
-"""The `lanekeep` command: environments, benchmark, speed."""
+"""The `lanekeep` command: environments, benchmark, play, speed."""
 
 from __future__ import annotations
 
@@ -147,6 +147,42 @@ def _progress() -> Progress:
     # Where nobody watches, it would leave an empty line.
     disable = not console.is_terminal
     return Progress(*columns, TimeElapsedColumn(), console=console, transient=True, disable=disable)
+
+
+@app.command(name="play")
+def play_command(
+    env_id: Annotated[str, typer.Argument(metavar="ENV", help="A registered id.")] = "lanekeep/LaneKeep-v0",
+    policy: Annotated[str, typer.Option(help="A classical controller.")] = "yin-lqr-feedforward",
+    gif: Annotated[Path | None, typer.Option(help="File for the pictures; by default one in results/.")] = None,
+    human: Annotated[bool, typer.Option("--human", help="Show a window instead of writing a GIF.")] = False,
+    road: Annotated[str | None, typer.Option(help="Name of a road or a CSV file.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the episode.")] = 0,
+    seconds: Annotated[float, typer.Option(min=0.1, max=120.0, help="Length at the most.")] = 15.0,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Write over an existing GIF.")] = False,
+) -> None:
+    """Play one episode with a controller, as a GIF or in a window.
+
+    Example: lanekeep play lanekeep/RoadWorks-v0 --policy stanley --gif works.gif
+    """
+    from lanekeep_benchmarks import play as playing
+
+    with interruptible(""), input_errors():
+        if human and gif is not None:
+            raise ValueError("--human and --gif exclude each other")
+        file = gif or Path("results") / f"{env_id.rpartition('/')[2]}-{policy}.gif"
+        if not human and file.exists() and not overwrite:
+            raise ValueError(f"{file} exists; give another --gif or --overwrite")
+        frames: list[Any] = []
+        keywords = {} if road is None else {"road": road}
+        episode = playing.play(env_id, policy, seed, seconds, None if human else frames.append, **keywords)
+        if not human:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            playing.write_gif(file, frames)
+    end = "left its lane" if episode.departed else "stayed in its lane"
+    print(
+        f"{policy} drove {episode.seconds:.1f} s, RMS lateral error {episode.rms_lateral_error:.3f} m, "
+        f"peak {episode.peak_lateral_error:.3f} m, and {end}" + ("" if human else f"; pictures: {file}")
+    )
 
 
 @app.command()

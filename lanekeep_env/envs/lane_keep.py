@@ -11,10 +11,15 @@ from gymnasium.spaces import Box
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose
 from lanekeep_env.envs.road_lanes import RoadLanes
+from lanekeep_env.rendering.road_picture import RoadPicture
+from lanekeep_env.rendering.window import Window
 from lanekeep_env.roads import Road
 from lanekeep_env.scenario import Channel, LaneKeepScenario
 
 PRECISIONS = ("float64", "float32")
+RENDER_MODES = ("human", "rgb_array")
+#: Views, which would come back from a pickle as copies, and the kernel.
+_NOT_KEPT = ("_seen", "_truth", "_arguments", "_step")
 
 
 def observation_space(scenario: LaneKeepScenario) -> Box:
@@ -105,12 +110,15 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
     """
 
     scenario_class: type[LaneKeepScenario] = LaneKeepScenario
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20}  # noqa: RUF012 (as Gymnasium declares it)
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012 (as Gymnasium declares it)
 
     def __init__(self, *, render_mode: str | None = None, dtype: str = "float64", **scenario: Any) -> None:
         check_modes(render_mode, dtype)
-        self.render_mode = render_mode
         self.scenario = self.scenario_class.from_keywords(("render_mode", "dtype"), **scenario)
+        self.render_mode = render_mode
+        self._shown = render_mode == "human"
+        self._picture: RoadPicture | None = RoadPicture(self.scenario) if render_mode else None
+        self._window: Window | None = None
         self.observation_space = observation_space(self.scenario)
         self.action_space = Box(-1.0, 1.0, (1,), dtype=np.float32)
         self._core = RoadLanes(self.scenario, 1, dtype)
@@ -144,6 +152,10 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
             core.seeded = True
         core.reset(options, np.ones(1, dtype=np.bool_), self._observation, self._outcome)
         self._bind()
+        if self._picture is not None:
+            self._picture.forget()
+        if self._shown:
+            self.render()
         return self._seen.copy(), self._info(self._truth.tolist(), False)
 
     def _bind(self) -> None:
@@ -156,8 +168,8 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
             self._step = core.step
 
     def __getstate__(self) -> dict[str, Any]:
-        # Views would come back as copies.
-        return {k: v for k, v in self.__dict__.items() if k not in ("_seen", "_truth", "_arguments", "_step")}
+        kept = {k: v for k, v in self.__dict__.items() if k not in _NOT_KEPT}
+        return {**kept, "_picture": None, "_window": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -186,7 +198,30 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
         told = self._truth.tolist()
         terminated = told[at.O_TERMINATED] > 0.0
         truncated = told[at.O_TRUNCATED] > 0.0
+        if self._shown:
+            self.render()
         return self._seen.copy(), told[at.O_REWARD], terminated, truncated, self._info(told, terminated)
+
+    def render(self) -> np.ndarray | None:
+        """Return the picture (rgb_array), or show it (human); other modes warn, as Gymnasium does."""
+        if self.render_mode is None:
+            gym.logger.warn('render() needs a render_mode: gym.make(..., render_mode="rgb_array" or "human")')
+            return None
+        if self._picture is None:
+            self._picture = RoadPicture(self.scenario)
+        frame = self._picture.draw(self._core.pose(0))
+        if self.render_mode == "rgb_array":
+            return frame
+        if self._window is None:
+            self._window = Window(self.spec.id if self.spec else "lanekeep", self.metadata["render_fps"])
+        self._window.show(frame)
+        return None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
 
     @staticmethod
     def _info(told: list[float], terminated: bool) -> dict[str, Any]:
@@ -207,5 +242,5 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
 def check_modes(render_mode: str | None, dtype: str) -> None:
     """Raise ValueError for a render mode or precision that does not exist."""
     if render_mode is not None:
-        raise ValueError(f"render_mode={render_mode!r} is not available; allowed: None")
+        choose("render_mode", render_mode, RENDER_MODES)
     choose("dtype", dtype, PRECISIONS)

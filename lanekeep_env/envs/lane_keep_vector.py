@@ -16,6 +16,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require
 from lanekeep_env.envs.lane_keep import LaneKeepEnv, check_modes, observation_space
 from lanekeep_env.envs.road_lanes import RoadLanes
+from lanekeep_env.rendering.road_picture import RoadPicture
 from lanekeep_env.roads import Road
 from lanekeep_env.scenario import Channel, LaneKeepScenario
 
@@ -71,9 +72,12 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         require("max_episode_steps", max_episode_steps, "steps", at_least=1, whole=True, optional=True)
         choose("autoreset_mode", autoreset_mode, _AUTORESET)
         check_modes(render_mode, dtype)
+        if render_mode == "human":
+            raise ValueError("render_mode='human' is not available for a vector environment; allowed: rgb_array, None")
         code, mode = _AUTORESET[autoreset_mode]
         self.metadata = {**LaneKeepEnv.metadata, "autoreset_mode": mode}
         self.render_mode = render_mode
+        self._pictures: list[RoadPicture] = []
         self.num_envs = num_envs = int(num_envs)
         self.scenario = self.scenario_class.from_keywords(_OWN_KEYWORDS, **scenario)
         self.single_observation_space = observation_space(self.scenario)
@@ -168,6 +172,18 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             infos["termination"] = np.zeros(n, dtype=np.int64)  # of the episodes that just began
             self._add_final(infos, outcome, terminated | truncated)
         return observation, outcome[at.O_REWARD], terminated, truncated, infos
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """Return the picture of every lane (render_mode "rgb_array")."""
+        if self.render_mode is None:
+            gym.logger.warn('render() needs a render_mode: gym.make_vec(..., render_mode="rgb_array")')
+            return None
+        if not self._pictures:
+            self._pictures = [RoadPicture(self.scenario) for _ in range(self.num_envs)]
+        return tuple(picture.draw(self._core.pose(lane)) for lane, picture in enumerate(self._pictures))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_pictures": []}
 
     def _without_ignored(self, given: np.ndarray, wrong: np.ndarray) -> np.ndarray:
         """Clear NaN actions of lanes that only start anew in this step; any other NaN is an error."""

@@ -11,6 +11,7 @@ from gymnasium.utils import seeding
 
 from lanekeep_env import layout as at
 from lanekeep_env.envs import road_kernel
+from lanekeep_env.rendering.road_picture import Pose
 from lanekeep_env.roads import Road, RoadSpec, SpeedSpec, build_roads
 from lanekeep_env.scenario import INTEGRATION_STEP, LaneKeepScenario
 from lanekeep_env.sensing import MEASURED_CHANNELS, Sensor
@@ -243,6 +244,22 @@ class RoadLanes:
         """The roads with their node speeds (m/s), as built for this scenario."""
         s = self.scenario
         return _road_set(s.road, s.speed, s.road.fingerprint())
+
+    def pose(self, lane: int) -> Pose:
+        """Where a lane's car is, for pictures."""
+        block, i = divmod(lane, self.lanes.shape[2])
+        car = self.lanes[block, :, i].tolist()
+        road, _ = self.road_set()[int(self.counters[at.ROAD, lane])]
+        return Pose(
+            road=road,
+            s=car[at.STATION] + car[at.ALONG],
+            d=car[at.LATERAL],
+            theta=car[at.HEADING],
+            steer=car[at.STEER],
+            speed=car[at.SPEED],
+            time=car[at.STEP] * self.scenario.control_step,
+            departed=car[at.DEPARTED] > 0.0,
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         return {k: v for k, v in self.__dict__.items() if k not in ("road", "roads", "step", "step_parallel")}

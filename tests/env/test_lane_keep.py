@@ -153,7 +153,7 @@ def test_values_outside_the_box_are_clipped_and_counted():
         ({"speed": float("nan")}, ["speed", "nan"]),
         ({"dtype": "float16"}, ["dtype", "float32"]),
         ({"start_lateral_error": 5.0}, ["start_lateral_error", "1.75"]),
-        ({"render_mode": "human"}, ["render_mode"]),
+        ({"render_mode": "rgb"}, ["render_mode", "rgb_array"]),
     ],
 )
 def test_wrong_configurations_are_named_in_one_line(keywords, words):

@@ -1,0 +1,91 @@
+"""One episode to look at: in a window, or as a GIF."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import lanekeep_baselines
+import lanekeep_env  # noqa: F401
+from lanekeep_benchmarks.results import write_atomic
+
+#: Pictures a second of a GIF; browsers show no more than 50, and 20 keep the file small.
+GIF_RATE = 20.0
+GIF_WIDTH = 640
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What became of a played episode: steps, seconds, RMS and peak lateral error (m), whether it left the lane."""
+
+    steps: int
+    seconds: float
+    rms_lateral_error: float
+    peak_lateral_error: float
+    departed: bool
+
+
+def play(
+    env_id: str, policy_name: str, seed: int, seconds: float, see: Callable[[np.ndarray], None] | None, **keywords: Any
+) -> Episode:
+    """Drive one episode of at most ``seconds``; ``see`` gets each picture, or a window shows it where that is None.
+
+    Raises:
+        ValueError, ImportError, gymnasium.error.Error: a wrong id, policy, option, or a missing extra.
+    """
+    env = gym.make(env_id, render_mode="human" if see is None else "rgb_array", departure="cost", preview=1, **keywords)
+    try:
+        scenario = env.unwrapped.scenario  # type: ignore[attr-defined]
+        policy = lanekeep_baselines.make(policy_name, scenario)
+        observation, _ = env.reset(seed=seed)
+        errors: list[float] = []
+        state, departed, over = None, False, False
+        limit = math.ceil(seconds / scenario.control_step)
+        while len(errors) < limit and not over:
+            action, state = policy.predict(observation, state)
+            observation, _, terminated, truncated, info = env.step(action)
+            over = terminated or truncated
+            errors.append(info["lateral_error"])
+            departed = departed or not info["is_success"]
+            if see is not None:
+                see(env.render())  # type: ignore[arg-type]
+    finally:
+        env.close()
+    size = np.array(errors)
+    return Episode(
+        len(errors),
+        len(errors) * scenario.control_step,
+        float(np.sqrt(np.mean(size**2))),
+        float(np.abs(size).max()),
+        departed,
+    )
+
+
+def write_gif(path: Path, frames: list[np.ndarray]) -> None:
+    """Write frames (height, width, 3) as a looped GIF of `GIF_RATE` pictures a second, atomically."""
+    from PIL import Image
+
+    first = Image.fromarray(frames[0])
+    size = (GIF_WIDTH, round(first.height * GIF_WIDTH / first.width))
+    # One palette for all frames: what does not move stays the same colour, and the file small.
+    sample = Image.fromarray(np.vstack([frames[0], frames[len(frames) // 2], frames[-1]]))
+    palette = sample.quantize(64, dither=Image.Dither.NONE)
+
+    def shrunk() -> Iterator[Image.Image]:
+        for frame in frames:
+            small = Image.fromarray(frame).resize(size, Image.Resampling.LANCZOS)
+            yield small.quantize(palette=palette, dither=Image.Dither.NONE)
+
+    pictures = list(shrunk())
+    buffer = io.BytesIO()
+    pictures[0].save(
+        buffer, "GIF", save_all=True, append_images=pictures[1:], duration=round(1000 / GIF_RATE), loop=0, optimize=True
+    )
+    write_atomic(path, buffer.getvalue())

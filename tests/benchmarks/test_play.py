@@ -1,0 +1,50 @@
+"""`lanekeep play`: a GIF with the right frames, nothing overwritten, errors in one line."""
+
+import pytest
+from PIL import Image
+
+pytest.importorskip("pygame")
+from lanekeep_benchmarks import cli
+
+
+def run(capsys, *arguments):
+    code = cli.run(["play", *arguments])
+    return code, capsys.readouterr()
+
+
+def test_a_gif_of_two_seconds(tmp_path, capsys):
+    file = tmp_path / "drive.gif"
+    code, said = run(capsys, "--seconds", "2", "--policy", "yin-lqr-observer", "--gif", str(file))
+    assert code == 0 and "stayed in its lane" in said.out and str(file) in said.out
+    with Image.open(file) as picture:
+        assert picture.n_frames == 40 and picture.size[0] == 640
+        assert picture.info["duration"] == 50 and picture.info["loop"] == 0
+    assert file.stat().st_size < 1_000_000
+    before = file.read_bytes()
+    code, said = run(capsys, "--seconds", "1", "--gif", str(file))
+    assert code == 2 and "--overwrite" in said.err and said.err.count("\n") == 1
+    assert file.read_bytes() == before
+    assert run(capsys, "--seconds", "1", "--gif", str(file), "--overwrite")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["lanekeep/LaneKep-v0"], "LaneKep"),
+        (["--policy", "yin-lq"], "yin-lqr"),
+        (["--road", "nowhere.csv"], "nowhere.csv"),
+        (["--human", "--gif", "x.gif"], "--human"),
+        (["--seconds", "-1"], "seconds"),
+    ],
+)
+def test_wrong_input_is_one_line(arguments, word, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, said = run(capsys, *arguments)
+    assert code == 2 and word in said.err and said.err.count("\n") == 1
+    assert not list(tmp_path.rglob("*.gif"))
+
+
+def test_a_window_under_the_dummy_driver(capsys, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    code, said = run(capsys, "--human", "--seconds", "0.2")
+    assert code == 0 and "drove 0.2 s" in said.out

@@ -1,0 +1,107 @@
+"""Pictures: what they show, and that nothing is drawn unless asked for."""
+
+import subprocess
+import sys
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import lanekeep_env
+
+pytest.importorskip("pygame")
+from lanekeep_env.rendering import road_picture
+
+IDS = sorted(lanekeep_env.ENVIRONMENTS)
+CAR = np.array(road_picture._CAR)
+STRAIGHT = {"road": "straight", "speed": 20.0}
+
+
+def car_pixels(frame):
+    """Rows and columns of the car's colour in the view from above."""
+    view = frame[: road_picture.VIEW_HEIGHT].astype(int)
+    return np.nonzero(np.abs(view - CAR).sum(axis=2) < 30)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_frames_of_single_and_vector_environments(name):
+    env = gym.make(name, render_mode="rgb_array")
+    env.reset(seed=0)
+    env.step(np.zeros(1, np.float32))
+    frame = env.render()
+    assert frame.shape == (road_picture.HEIGHT, road_picture.WIDTH, 3) and frame.dtype == np.uint8
+    vector = gym.make_vec(name, 3, "vector_entry_point", render_mode="rgb_array")
+    vector.reset(seed=0)
+    vector.step(np.zeros((3, 1), np.float32))
+    frames = vector.render()
+    assert len(frames) == 3
+    np.testing.assert_array_equal(frames[0], frame)
+    assert not np.array_equal(frames[1], frame)
+
+
+@pytest.mark.parametrize("lateral", [-1.2, 0.0, 1.2])
+def test_a_car_left_of_the_centre_is_drawn_left_of_it(lateral):
+    """Driving direction is to the right, so left is up; eight pixels are a metre."""
+    env = gym.make("lanekeep/LaneKeep-v0", render_mode="rgb_array", **STRAIGHT)
+    env.reset(seed=0, options={"lateral_error": lateral, "heading_error": 0.0})
+    rows, columns = car_pixels(env.render())
+    per_metre = road_picture.WIDTH / (road_picture.METRES_AHEAD + road_picture.METRES_BEHIND)
+    assert road_picture.VIEW_HEIGHT / 2 - rows.mean() == pytest.approx(lateral * per_metre, abs=1.5)
+    assert np.ptp(columns) == pytest.approx(4.5 * per_metre, abs=4)
+
+
+def test_a_car_that_left_its_lane_is_marked():
+    env = gym.make("lanekeep/LaneKeep-v0", render_mode="rgb_array", **STRAIGHT)
+    env.reset(seed=0)
+    while not env.step(np.ones(1, np.float32))[2]:
+        pass
+    assert len(car_pixels(env.render())[0]) == 0
+
+
+def test_recorders_of_gymnasium_get_a_frame_a_step():
+    env = gym.wrappers.RenderCollection(gym.make("lanekeep/LaneKeep-v0", render_mode="rgb_array"))
+    env.reset(seed=0)
+    for _ in range(5):
+        env.step(np.zeros(1, np.float32))
+    assert len(env.render()) == 6
+
+
+def test_videos_are_written(tmp_path):
+    pytest.importorskip("moviepy")
+    env = gym.wrappers.RecordVideo(gym.make("lanekeep/LaneKeep-v0", render_mode="rgb_array"), str(tmp_path))
+    env.reset(seed=0)
+    for _ in range(5):
+        env.step(np.zeros(1, np.float32))
+    env.close()
+    vector = gym.make_vec("lanekeep/LaneKeep-v0", 2, "vector_entry_point", render_mode="rgb_array")
+    recorded = gym.wrappers.vector.RecordVideo(vector, str(tmp_path / "vector"), video_length=4)
+    recorded.reset(seed=0)
+    for _ in range(5):
+        recorded.step(np.zeros((2, 1), np.float32))
+    recorded.close()
+    assert list(tmp_path.glob("*.mp4")) and list((tmp_path / "vector").glob("*.mp4"))
+
+
+def test_human_mode_runs_without_a_screen(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = gym.make("lanekeep/LaneKeep-v0", render_mode="human")
+    env.reset(seed=0)
+    for _ in range(3):
+        assert env.render() is None
+        env.step(np.zeros(1, np.float32))
+    env.close()
+
+
+def test_pygame_stays_out_unless_pictures_are_asked_for():
+    code = (
+        "import sys, gymnasium as gym, lanekeep_env; env = gym.make('lanekeep/LaneKeep-v0'); env.reset(seed=0); "
+        "assert 'pygame' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_render_without_a_mode_warns():
+    env = gym.make("lanekeep/LaneKeep-v0")
+    env.reset(seed=0)
+    with pytest.warns(UserWarning, match="render_mode"):
+        assert env.unwrapped.render() is None
