@@ -67,7 +67,6 @@ def test_recorders_of_gymnasium_get_a_frame_a_step():
 
 
 def test_videos_are_written(tmp_path):
-    pytest.importorskip("moviepy")
     env = gym.wrappers.RecordVideo(gym.make("lanekeep/LaneKeep-v0", render_mode="rgb_array"), str(tmp_path))
     env.reset(seed=0)
     for _ in range(5):
