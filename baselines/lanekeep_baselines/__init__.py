@@ -19,6 +19,9 @@ __all__ = ["Policy", "Scenario", "make", "names"]
 # Modules are imported when a policy is made: `pd` runs without python-control, and names() costs nothing.
 _POLICIES = {
     "pd": "pd:ProportionalDerivative",
+    "pure-pursuit": "pure_pursuit:PurePursuit",
+    "pure-pursuit-understeer": "pure_pursuit:PurePursuitUndersteer",
+    "stanley": "stanley:Stanley",
     "yin-lqr": "yin:YinLqr",
     "yin-lqr-observer-printed": "yin:YinLqrObserverPrinted",
     "yin-lqr-observer": "yin:YinLqrObserver",

@@ -109,15 +109,16 @@ def drive(
 
 
 def closed_loop(policy: Any, scenario: LaneKeepScenario, car: LinearCar) -> np.ndarray:
-    """Return the matrix of one control step of car and policy together, found by driving unit states."""
-    states = np.eye(6 + policy.memory)
+    """Return the matrix of one control step of car and policy together, linearised about straight driving."""
+    small = 1e-6
+    states = small * np.eye(6 + policy.memory)
     names = [channel.name for channel in scenario.channels]
     columns = car.observe(scenario, states[:, :5], states[:, 5], np.zeros(len(states))).T
     command, memory = policy.command(dict(zip(names, columns, strict=True)), states[:, 6:], False)
     after = car.advance(states[:, :5], command, np.zeros(len(states)))
     if memory is None:
         memory = np.zeros((len(states), 0))
-    return np.concatenate([after, command[:, None], memory], axis=1).T
+    return np.concatenate([after, command[:, None], memory], axis=1).T / small
 
 
 @pytest.fixture(scope="session")
