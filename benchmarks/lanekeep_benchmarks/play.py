@@ -40,7 +40,9 @@ def play(
     Raises:
         ValueError, ImportError, gymnasium.error.Error: a wrong id, policy, option, or a missing extra.
     """
-    env = gym.make(env_id, render_mode="human" if see is None else "rgb_array", departure="cost", preview=1, **keywords)
+    env = gym.make(
+        env_id, render_mode="human" if see is None else "rgb_array", departure="cost", preview=12, **keywords
+    )
     try:
         scenario = env.unwrapped.scenario  # type: ignore[attr-defined]
         policy = lanekeep_baselines.make(policy_name, scenario)
