@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 Trace = Mapping[str, NDArray[np.float64]]
 
-# Okabe and Ito (2008): eight colours that colour-blind readers tell apart.
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442")
+# Okabe and Ito (2008), eight colours that colour-blind readers tell apart; brown for their yellow, too pale as a line.
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D1F")
 _GRID: dict[str, Any] = {"color": "#d0d0d0", "linewidth": 0.6}
 
 
@@ -53,7 +53,7 @@ def plot_errors(summary: Mapping[str, Any]) -> bytes:
             axes.plot(error["value"], place, "o", color=colour, markersize=5)
             rate = 100 * row["failure_rate"]["value"]
             axes.annotate(
-                f"{rate:.0f} %" if rate else "0",
+                f"{rate:.{0 if rate >= 1 else 1}f} %" if rate else "0",
                 (1.02, place),
                 xycoords=("axes fraction", "data"),
                 va="center",
