@@ -78,7 +78,7 @@ def write_gif(path: Path, frames: list[np.ndarray]) -> None:
     size = (GIF_WIDTH, round(first.height * GIF_WIDTH / first.width))
     # One palette for all frames: what does not move stays the same colour, and the file small.
     sample = Image.fromarray(np.vstack([frames[0], frames[len(frames) // 2], frames[-1]]))
-    palette = sample.quantize(64, dither=Image.Dither.NONE)
+    palette = sample.quantize(128, dither=Image.Dither.NONE)
 
     def shrunk() -> Iterator[Image.Image]:
         for frame in frames:
