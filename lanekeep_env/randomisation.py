@@ -48,7 +48,7 @@ class Randomisation:
                 limits = {"at_least": 0.0, "at_most": 2.0}
             else:
                 limits = {"at_least": 0.05, "at_most": 20.0}
-            unit = {"cg_shift": "m", "steering_delay": "s"}.get(f.name, "")
+            unit = {"cg_shift": "m", "steering_delay": "s"}.get(f.name, "(a factor of the nominal value)")
             require(name, low, unit, **limits)
             require(name, high, unit, **limits)
             if high < low:

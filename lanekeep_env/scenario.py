@@ -52,7 +52,7 @@ class LaneKeepScenario:
             (``{"base": "yin", "mass": 2000.0}``) or `VehicleParameters`.
         dynamics: "dynamic" (sideslip and tyres) or "kinematic" (no slip).
         tyre: "linear" or "magic_formula" (saturates at friction times load); dynamic car only.
-        friction: road friction coefficient of the saturating tyre.
+        friction: road friction coefficient; only saturating tyres know it, with others it has no effect.
         road: the name of a generator, a mapping with its settings, or the path of a centre-line CSV file.
         speed: m/s, or a mapping of `LimitedSpeed`; 0.4 g of lateral acceleration and 180 km/h by default.
         action: "steering_angle" (the action is the road-wheel angle asked for) or "steering_rate".

@@ -43,6 +43,8 @@ def make(name: str, scenario: Scenario) -> Policy:
     """
     if name not in _POLICIES:
         raise ValueError(f"policy={name!r} is unknown{nearest(name, _POLICIES)}; allowed: {', '.join(_POLICIES)}")
+    if not hasattr(scenario, "channels"):
+        raise ValueError(f"scenario={scenario!r} is none; pass env.unwrapped.scenario")
     module, record = _POLICIES[name].split(":")
     try:
         build = getattr(import_module(f"lanekeep_baselines.{module}"), record)

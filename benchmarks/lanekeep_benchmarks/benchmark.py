@@ -86,6 +86,10 @@ def open_run(
         policies = ",".join(found.policies) if policies is None else policies
         episodes = found.episodes if episodes is None else episodes
         seed = found.seed if seed is None else seed
+    elif resume and suite is None and road is None and policies is None:
+        raise ValueError(
+            f"--out {out} holds no run to resume; name its folder, or a SUITE or --road to start one there"
+        )
     plan = make_plan(suite, policies, road, episodes, 0 if seed is None else seed)
     folder = ResultFolder(out or default_folder(plan.suite.name), plan.record, overwrite, resume)
     plan.results += folder.earlier

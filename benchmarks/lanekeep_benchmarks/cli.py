@@ -15,8 +15,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+import lanekeep_baselines
 import lanekeep_env
 from lanekeep_benchmarks.endings import Interrupted, disk_errors, input_errors, interruptible, one_line
+from lanekeep_env.checks import choose
+from lanekeep_env.roads import road_from
 
 app = typer.Typer(
     name="lanekeep",
@@ -169,11 +172,18 @@ def play_command(
     with interruptible(""), input_errors():
         if human and gif is not None:
             raise ValueError("--human and --gif exclude each other")
-        file = gif or Path("results") / f"{env_id.rpartition('/')[2]}-{policy}.gif"
+        if "/" not in env_id:
+            env_id = f"lanekeep/{env_id}"
+        choose("ENV", env_id, lanekeep_env.ENVIRONMENTS)
+        choose("--policy", policy, lanekeep_baselines.names())
+        keywords = {} if road is None else {"road": road_from(road)}
+        place = "" if road is None else f"-{Path(road).stem}"
+        file = gif or Path("results") / f"{env_id.rpartition('/')[2]}{place}-{policy}-seed{seed}.gif"
+        if file.suffix.lower() != ".gif":
+            raise ValueError(f"--gif {file} must end in .gif")
         if not human and file.exists() and not overwrite:
             raise ValueError(f"{file} exists; give another --gif or --overwrite")
         frames: list[Any] = []
-        keywords = {} if road is None else {"road": road}
         episode = playing.play(env_id, policy, seed, seconds, None if human else frames.append, **keywords)
         if not human:
             file.parent.mkdir(parents=True, exist_ok=True)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lanekeep_env
-from lanekeep_benchmarks.suites import Suite, SuiteScenario
+from lanekeep_benchmarks.suites import OWN_ROAD, Suite, SuiteScenario
 from lanekeep_env.checks import from_mapping
 
 LANES = 256
@@ -89,6 +89,8 @@ class Step:
 
 def episode_seed(suite: str, scenario: str, episode: int, seed: int) -> int:
     """Seed of one episode: 53 bits, so that readers which keep numbers as doubles see it exactly."""
+    if suite.startswith(OWN_ROAD):  # named after the user's file, whose name must not change what is driven
+        suite = scenario = OWN_ROAD
     text = json.dumps([suite, scenario, episode, seed])
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> 11
 

@@ -137,6 +137,10 @@ def suite_named(name: str) -> Suite:
     return SUITES[name]
 
 
+#: How the names of suites of one's own roads begin.
+OWN_ROAD = "road-"
+
+
 def lap_time(road: Road, speed: np.ndarray) -> float:
     """Seconds for one pass of ``road`` at the node speeds (n + 1,) in m/s, v² linear in between."""
     return float(np.sum(2 * np.asarray(road.lengths) / (speed[:-1] + speed[1:])))
@@ -168,4 +172,6 @@ def road_suite(file: Path) -> Suite:
         options={"arc_length": 0.0},
         max_episode_steps=steps,
     )
-    return Suite(name=f"road-{file.stem}", description=f"one pass of {file.name}", scenarios=(scenario,), episodes=16)
+    return Suite(
+        name=f"{OWN_ROAD}{file.stem}", description=f"one pass of {file.name}", scenarios=(scenario,), episodes=16
+    )

@@ -182,7 +182,7 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
             ValueError: an action of another shape than (1,), or NaN.
             gymnasium.error.ResetNeeded: no episode was started.
         """
-        given = action if isinstance(action, np.ndarray) else np.asarray(action, dtype=np.float32)
+        given = action if isinstance(action, np.ndarray) else np.asarray(action)
         if given.shape != (1,):
             raise ValueError(f"action={action!r} has shape {given.shape}; it must have shape (1,), in [-1, 1]")
         try:

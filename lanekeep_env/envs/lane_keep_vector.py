@@ -114,6 +114,8 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start an episode in every lane, or in those of ``options["reset_mask"]``."""
+        if not isinstance(options, dict | None):
+            raise ValueError(f"reset options={options!r} must be a mapping")
         options = dict(options or {})
         mask = self._mask(options.pop("reset_mask", None))
         core = self._core

@@ -222,6 +222,8 @@ class RoadLanes:
 
     def _start(self, options: dict[str, Any]) -> np.ndarray:
         start = np.full((at.START_ROWS, self.num_lanes), np.nan)
+        if not isinstance(options, dict):
+            raise ValueError(f"reset options={options!r} must be a mapping; allowed: {', '.join(START_OPTIONS)}")
         for key, value in options.items():
             if key not in START_OPTIONS:
                 raise ValueError(f"reset option {key!r} is unknown; allowed: {', '.join(START_OPTIONS)}")
@@ -231,6 +233,8 @@ class RoadLanes:
                 raise ValueError(
                     f"reset option {key}={value!r} must be a number or one number a lane ({self.num_lanes})"
                 ) from None
+            if not np.isfinite(start[START_OPTIONS.index(key)]).all():
+                raise ValueError(f"reset option {key}={value!r} must be finite; leave it out to have it drawn")
         index, station = start[3], start[2]
         if np.any((index < 0) | (index >= len(self.roads)) | (index % 1 > 0)):
             raise ValueError(f"reset option road_index must be a whole number from 0 to {len(self.roads) - 1}")

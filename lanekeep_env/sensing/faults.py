@@ -111,6 +111,8 @@ def sensors_from(value: str | Mapping[str, Any] | Sensors | None) -> Sensors:
                 f"sensors has no channel {channel!r}{nearest(channel, MEASURED_CHANNELS)}; "
                 f"allowed: {', '.join(MEASURED_CHANNELS)}"
             )
+        if not isinstance(sensor, Sensor | Mapping):
+            raise ValueError(f"sensors.{channel}={sensor!r} must be a mapping of faults, e.g. {{'noise': 0.01}}")
         read[channel] = sensor if isinstance(sensor, Sensor) else from_mapping(Sensor, sensor, f"sensors.{channel}")
     return tuple((channel, read[channel]) for channel in MEASURED_CHANNELS if channel in read)
 

@@ -180,3 +180,8 @@ def test_a_recorded_episode_is_the_evaluated_one(results):
     assert len(trace["lateral_error"]) == result.steps
     assert np.abs(trace["lateral_error"]).max() == result.metrics["peak_lateral_error"]
     assert {"steering_angle", "speed", "curvature_preview_0", "arc_length"} <= set(trace)
+
+
+def test_the_name_of_a_road_file_does_not_change_what_is_driven():
+    assert episode_seed("road-mine", "mine", 3, 0) == episode_seed("road-yours", "yours", 3, 0)
+    assert episode_seed("road-mine", "mine", 3, 0) != episode_seed("road-mine", "mine", 4, 0)

@@ -30,7 +30,9 @@ def test_a_gif_of_two_seconds(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (["lanekeep/LaneKep-v0"], "LaneKep"),
+        (["lanekeep/LaneKep-v0"], "lanekeep/LaneKeep-v0"),
+        (["CartPole-v1"], "lanekeep/RoadWorks-v0"),
+        (["--gif", "x.mp4"], ".gif"),
         (["--policy", "yin-lq"], "yin-lqr"),
         (["--road", "nowhere.csv"], "nowhere.csv"),
         (["--human", "--gif", "x.gif"], "--human"),

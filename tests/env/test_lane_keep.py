@@ -197,6 +197,7 @@ def test_wrong_reset_options_are_named():
         ({"road_index": 10**6}, "road_index"),
         ({"arc_length": -5.0}, "arc_length"),
         ({"lateral_error": "x"}, "lateral_error"),
+        ({"lateral_error": float("nan")}, "must be finite"),
     ):
         with pytest.raises(ValueError, match=word):
             env.reset(seed=0, options=options)
