@@ -7,7 +7,7 @@ from lanekeep_env.envs.termination import Termination
 from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator, VehicleParameters
 from lanekeep_env.randomisation import RANDOMISATIONS, Randomisation
 from lanekeep_env.registration import ENVIRONMENTS, register_all
-from lanekeep_env.scenario import Channel, LaneKeepScenario, RoadWorksScenario
+from lanekeep_env.scenario import CameraLaneScenario, Channel, LaneKeepScenario, RoadWorksScenario, TurnOffScenario
 from lanekeep_env.sensing import SENSOR_SETS, Sensor
 
 __version__ = "0.1.0"
@@ -16,6 +16,7 @@ __all__ = [
     "RANDOMISATIONS",
     "SENSOR_SETS",
     "VEHICLES",
+    "CameraLaneScenario",
     "Channel",
     "LaneKeepScenario",
     "Randomisation",
@@ -23,6 +24,7 @@ __all__ = [
     "Sensor",
     "SteeringActuator",
     "Termination",
+    "TurnOffScenario",
     "VehicleParameters",
     "__version__",
 ]

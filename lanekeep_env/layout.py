@@ -42,7 +42,14 @@ DELAY = 30  # of the command, in sub-steps
 DELAYED_FIRST = 31  # delayed command before ... , rad
 DELAYED_THEN = 32  # ... and from the sub-step at which it changes, rad
 ACTING = 33  # the one of them that acts in the present sub-step, rad
-LANE_ROWS = 34  # further rows, as many as needed: commands (newest first), then the sensors' rows
+# The steering gear, where there is backlash:
+MOTOR = 34  # motor angle in terms of the road wheel, rad
+STEER_GAIN = 35  # share of the remaining way that the motor would go in half a sub-step at its present speed
+# Set speeds in time, where the speed does not come from the road:
+SPEED_TARGET = 36  # m/s
+# The camera:
+EDGE = 37  # distance from the road's edge, m; NaN where none is seen
+LANE_ROWS = 38  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the lane (a uint64, reinterpreted)
@@ -86,7 +93,7 @@ COST_LATERAL = 13  # reference lateral error, m
 MAX_STEPS = 14  # after which a lane is truncated
 AUTORESET = 15
 PREVIEW = 16
-PREVIEW_TIME = 17  # s between samples
+PREVIEW_TIME = 17  # s between samples, at the present speed
 FULL = 18
 START_LATERAL = 19  # m, either side
 START_HEADING = 20  # rad, either side
@@ -96,14 +103,36 @@ NOMINAL = 23  # the nominal car: mass, yaw inertia, l_f, l_r, C_f, C_r, friction
 NOMINAL_SIZE = 10
 RANGES = 33  # low and high of each randomised number, in the order of `Randomisation`
 RANGES_SIZE = 16
-BOUNDS = 49  # low and high of each channel follow, channel by channel
+PREVIEW_DISTANCE = 49  # m between samples, at any speed
+SPEED_LOW = 50  # bounds of the set speeds, m/s
+SPEED_HIGH = 51
+SPEED_HOLD = 52  # control steps between set speeds, inf for one an episode
+SPEED_CHANGE = 53  # largest change of the speed in a sub-step, m/s
+STANDSTILL = 54  # share of set speeds that are 0
+BOUNDS = 55  # low and high of each channel follow, channel by channel
 
-# sensors: (MEASURED, SENSOR_SIZE), or None where all are perfect
-MEASURED = 5  # lateral_error, heading_error, yaw_rate, speed, steering_angle
-SENSOR_SIZE = 8  # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample
+# sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
+FAULTS = 8  # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample
+SOURCE = 8  # row of the lane that holds the truth
+COLUMN = 9  # of the observation
+VALID_COLUMN = 10  # of the flag that says whether the last sample saw anything, -1 for none
+MISSING = 11  # shown until anything was seen
+SENSOR_SIZE = 12
+
+# gear: backlash of the steering gear, or None where there is none
+GEAR_HALF_GAP = 0  # rad of the road wheel
+GEAR_ON_MOTOR = 1  # 1 where the loop is closed on the motor's angle, 0 behind the gear
+GEAR_SIZE = 2
+
+# camera: float64, or None for an environment without; CAMERA_SIZE numbers, then one a road segment: 1 where its
+# edge is marked
+CAMERA_REACH = 0  # from the rear axle to the look-ahead point, m
+CAMERA_OFFSET = 1  # of the edge from the road's centre line, m, left positive
+CAMERA_WIDEST = 2  # largest distance, either side, inside the field of view, m
+CAMERA_SIZE = 3
 
 # values of the switches
-KINEMATIC, LINEAR, MAGIC_FORMULA = 0, 1, 2
+KINEMATIC, LINEAR, MAGIC_FORMULA, FRONT_DRIVEN = 0, 1, 2, 3
 STEERING_ANGLE, STEERING_RATE = 0, 1
 TERMINATE, COST, OFF = 0, 1, 2
 NO_AUTORESET, NEXT_STEP, SAME_STEP = 0, 1, 2

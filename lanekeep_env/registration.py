@@ -16,6 +16,16 @@ ENVIRONMENTS: dict[str, tuple[str, str, int]] = {
         "lanekeep_env.envs.road_works:RoadWorksVectorEnv",
         600,
     ),
+    "lanekeep/CameraLane-v0": (
+        "lanekeep_env.envs.camera_lane:CameraLaneEnv",
+        "lanekeep_env.envs.camera_lane:CameraLaneVectorEnv",
+        1000,
+    ),
+    "lanekeep/TurnOff-v0": (
+        "lanekeep_env.envs.camera_lane:TurnOffEnv",
+        "lanekeep_env.envs.camera_lane:TurnOffVectorEnv",
+        1500,
+    ),
 }
 
 

@@ -14,7 +14,7 @@ from lanekeep_env.envs.road_lanes import RoadLanes
 from lanekeep_env.rendering.road_picture import RoadPicture
 from lanekeep_env.rendering.window import Window
 from lanekeep_env.roads import Road
-from lanekeep_env.scenario import Channel, LaneKeepScenario
+from lanekeep_env.scenario import Channel, LaneKeepScenario, RoadScenario
 
 PRECISIONS = ("float64", "float32")
 RENDER_MODES = ("human", "rgb_array")
@@ -22,7 +22,7 @@ RENDER_MODES = ("human", "rgb_array")
 _NOT_KEPT = ("_seen", "_truth", "_arguments", "_step")
 
 
-def observation_space(scenario: LaneKeepScenario) -> Box:
+def observation_space(scenario: RoadScenario) -> Box:
     """Box with the bounds of the scenario's channels."""
     low, high = scenario.channel_bounds().T
     return Box(low.copy(), high.copy(), dtype=np.float32)
@@ -109,7 +109,7 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
     * v0: first version.
     """
 
-    scenario_class: type[LaneKeepScenario] = LaneKeepScenario
+    scenario_class: type[RoadScenario] = LaneKeepScenario
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012 (as Gymnasium declares it)
 
     def __init__(self, *, render_mode: str | None = None, dtype: str = "float64", **scenario: Any) -> None:
@@ -163,7 +163,16 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
         core = self._core
         self._seen, self._truth = self._observation[0], self._outcome[:, 0]
         if core.seeded:
-            state = (core.lanes, core.counters, core.road, core.roads, core.settings, core.sensors)
+            state = (
+                core.lanes,
+                core.counters,
+                core.road,
+                core.roads,
+                core.settings,
+                core.sensors,
+                core.gear,
+                core.camera,
+            )
             self._arguments = (0, 1, *state, self._action, self._observation, self._outcome)
             self._step = core.step
 

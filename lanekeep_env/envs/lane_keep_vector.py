@@ -18,7 +18,7 @@ from lanekeep_env.envs.lane_keep import LaneKeepEnv, check_modes, observation_sp
 from lanekeep_env.envs.road_lanes import RoadLanes
 from lanekeep_env.rendering.road_picture import RoadPicture
 from lanekeep_env.roads import Road
-from lanekeep_env.scenario import Channel, LaneKeepScenario
+from lanekeep_env.scenario import Channel, LaneKeepScenario, RoadScenario
 
 _AUTORESET = {
     "next_step": (at.NEXT_STEP, AutoresetMode.NEXT_STEP),
@@ -53,7 +53,7 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     single environment, one number or one a lane, and ``"reset_mask"`` (bool, (n,)) resets some lanes only.
     """
 
-    scenario_class: type[LaneKeepScenario] = LaneKeepScenario
+    scenario_class: type[RoadScenario] = LaneKeepScenario
 
     def __init__(
         self,
@@ -158,7 +158,7 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         observation = np.empty((n, channels), dtype=np.float32)
         rows = 2 * at.OUTCOME_ROWS + channels if self._same_step else at.OUTCOME_ROWS
         outcome = np.empty((rows, n), dtype=core.dtype)
-        state = (core.lanes, core.counters, core.road, core.roads, core.settings, core.sensors)
+        state = (core.lanes, core.counters, core.road, core.roads, core.settings, core.sensors, core.gear, core.camera)
         arguments = (0, len(core.lanes), *state, given, observation, outcome)
         if self._threads == 1:
             core.step(*arguments)

@@ -12,16 +12,19 @@ from numba import prange
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, kernel
-from lanekeep_env.envs.road_start import cross_segments, start_lane
+from lanekeep_env.envs.road_start import cross_segments, set_speeds, start_lane
 from lanekeep_env.physics.integrate import (
+    advance_front_driven,
     advance_kinematic,
     advance_linear,
     advance_magic_formula,
+    show_front_driven,
     show_kinematic,
     show_linear,
     show_magic_formula,
 )
 from lanekeep_env.physics.numeric import clip, larger, like, smaller
+from lanekeep_env.sensing.camera import edge_distance
 from lanekeep_env.sensing.measure import measure
 from lanekeep_env.tasks.lane_keeping import judge
 
@@ -118,30 +121,44 @@ def _report(first, last, lanes, outcome):
         outcome[at.O_SUCCESS, i] = like(lanes[0, 0], 1.0) - lanes[at.DEPARTED, i]
 
 
-#: Channels that are rows of the state as they stand.
+#: Channels that are rows of the state as they stand, without and with a camera.
 STATE_CHANNELS = 6
+CAMERA_CHANNELS = 5
 
 
 @helper
-def _preview(first, last, samples, lanes, counters, road, settings, observation):
-    """Write curvature at the car and ahead of it, along the road at the present speed."""
-    low, high = settings[at.BOUNDS + 2 * STATE_CHANNELS], settings[at.BOUNDS + 2 * STATE_CHANNELS + 1]
+def _preview(first, last, samples, column, lanes, counters, road, settings, observation):
+    """Write curvature at the car and ahead of it, along the road at the present speed or at fixed distances."""
+    low, high = settings[at.BOUNDS + 2 * column], settings[at.BOUNDS + 2 * column + 1]
     for i in range(first, last):
         segment = counters[at.SEGMENT, i]
         along = larger(lanes[at.ALONG, i], like(low, 0.0))
-        spacing = lanes[at.SPEED, i] * settings[at.PREVIEW_TIME]
+        spacing = lanes[at.SPEED, i] * settings[at.PREVIEW_TIME] + settings[at.PREVIEW_DISTANCE]
         for k in range(samples):
             while along >= road[segment, at.R_LENGTH]:
                 along -= road[segment, at.R_LENGTH]
                 segment = np.int64(road[segment, at.R_NEXT])
             kappa = road[segment, at.R_CURVATURE] + road[segment, at.R_CURVATURE_SLOPE] * along
-            observation[i, STATE_CHANNELS + k] = clip(kappa, low, high)
+            observation[i, column + k] = clip(kappa, low, high)
             along += spacing
 
 
 @helper
-def _observe(first, last, lanes, counters, road, settings, sensors, observation):
-    """Write the observations of lanes; the order is that of `LaneKeepScenario.channels`."""
+def _observe(first, last, lanes, counters, road, settings, sensors, camera, observation):
+    """Write the observations of lanes; the order is that of the scenario's channels."""
+    # None or not is decided when the kernel is compiled, by the type of the argument.
+    if camera is None:
+        _observe_state(first, last, lanes, counters, road, settings, observation)
+    else:
+        _observe_edge(first, last, lanes, counters, road, settings, camera, observation)
+    if sensors is not None:
+        for i in range(first, last):
+            measure(i, lanes, counters, settings, sensors, observation)
+
+
+@helper
+def _observe_state(first, last, lanes, counters, road, settings, observation):
+    """Write the channels of lane keeping."""
     for channel in range(STATE_CHANNELS):
         low, high = settings[at.BOUNDS + 2 * channel], settings[at.BOUNDS + 2 * channel + 1]
         row = lanes[at.LATERAL + channel]
@@ -149,7 +166,7 @@ def _observe(first, last, lanes, counters, road, settings, sensors, observation)
             observation[i, channel] = clip(row[i], low, high)
     samples = np.int64(settings[at.PREVIEW])
     if samples > 0:
-        _preview(first, last, samples, lanes, counters, road, settings, observation)
+        _preview(first, last, samples, np.int64(STATE_CHANNELS), lanes, counters, road, settings, observation)
     if settings[at.FULL] > like(settings[0], 0.0):
         channel = STATE_CHANNELS + samples
         place = at.BOUNDS + 2 * channel
@@ -159,14 +176,43 @@ def _observe(first, last, lanes, counters, road, settings, sensors, observation)
             observation[i, channel] = clip(lanes[at.SIDESLIP, i], settings[place], settings[place + 1])
             observation[i, channel + 1] = clip(kappa, settings[place + 2], settings[place + 3])
             observation[i, channel + 2] = clip(lanes[at.ACCELERATION, i], settings[place + 4], settings[place + 5])
-    if sensors is not None:  # decided when the kernel is compiled, by the type of the argument
+
+
+@helper
+def _observe_edge(first, last, lanes, counters, road, settings, camera, observation):
+    """Write the channels of guidance by camera; the measured ones (edge, speed, steering angle) are `measure`'s."""
+    for i in range(first, last):
+        lanes[at.EDGE, i] = edge_distance(i, lanes, counters, road, camera)
+        command = CAMERA_CHANNELS - 1
+        place = at.BOUNDS + 2 * command
+        observation[i, command] = clip(lanes[at.COMMAND, i], settings[place], settings[place + 1])
+    samples = np.int64(settings[at.PREVIEW])
+    if samples > 0:
+        _preview(first, last, samples, np.int64(CAMERA_CHANNELS), lanes, counters, road, settings, observation)
+    if settings[at.FULL] > like(settings[0], 0.0):
         for i in range(first, last):
-            measure(i, lanes, counters, settings, sensors, observation)
+            for k, row in enumerate((at.LATERAL, at.HEADING, at.MOTOR)):
+                channel = CAMERA_CHANNELS + samples + k
+                place = at.BOUNDS + 2 * channel
+                observation[i, channel] = clip(lanes[row, i], settings[place], settings[place + 1])
 
 
 @helper
 def _start(
-    i, lateral, heading, station, road_index, lanes, counters, road, roads, settings, sensors, observation, outcome
+    i,
+    lateral,
+    heading,
+    station,
+    road_index,
+    lanes,
+    counters,
+    road,
+    roads,
+    settings,
+    sensors,
+    camera,
+    observation,
+    outcome,
 ):
     """Start the next episode of a lane: state, truth and observation."""
     counters[at.EPISODE, i] += 1
@@ -175,11 +221,11 @@ def _start(
     outcome[at.O_STEERING_RATE, i] = zero
     outcome[at.O_COST, i] = zero
     _report(i, i + 1, lanes, outcome)
-    _observe(i, i + 1, lanes, counters, road, settings, sensors, observation)
+    _observe(i, i + 1, lanes, counters, road, settings, sensors, camera, observation)
 
 
 @helper
-def _restart(n, lanes, counters, road, roads, settings, sensors, observation, outcome):
+def _restart(n, lanes, counters, road, roads, settings, sensors, camera, observation, outcome):
     """Start new episodes where the autoreset mode says so."""
     mode = np.int64(settings[at.AUTORESET])
     zero, one, nan = like(lanes[0, 0], 0.0), like(lanes[0, 0], 1.0), np.nan
@@ -202,11 +248,11 @@ def _restart(n, lanes, counters, road, roads, settings, sensors, observation, ou
                     outcome[2 * at.OUTCOME_ROWS + channel, i] = observation[i, channel]
                 starts = True
         if starts:
-            _start(i, nan, nan, nan, nan, lanes, counters, road, roads, settings, sensors, observation, outcome)
+            _start(i, nan, nan, nan, nan, lanes, counters, road, roads, settings, sensors, camera, observation, outcome)
 
 
 @helper
-def _finish(k, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
+def _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome):
     """Judge the step of block ``k``, tell its truth and observations, start the next episodes."""
     first = k * lanes.shape[2]
     last = min(first + lanes.shape[2], action.shape[0])
@@ -229,73 +275,119 @@ def _finish(k, lanes, counters, road, roads, settings, sensors, action, observat
     )
     begin = np.int64(0)  # a literal would be a type of its own and compile both functions twice
     _report(begin, n, block, told)
-    _observe(begin, n, block, counted, road, settings, sensors, seen)
-    _restart(n, block, counted, road, roads, settings, sensors, seen, told)
+    _observe(begin, n, block, counted, road, settings, sensors, camera, seen)
+    _restart(n, block, counted, road, roads, settings, sensors, camera, seen, told)
 
 
 # One control step of the blocks ``begin`` to ``end``; one kernel a vehicle model, so that a process
-# compiles only what it uses. numba's cache wants kernels spelled out. ``sensors`` is None where they are perfect.
+# compiles only what it uses. numba's cache wants kernels spelled out. ``sensors`` is None where they are perfect,
+# ``gear`` without backlash, ``camera`` where there is none: what a scenario lacks is then no part of the kernel.
 
 
 @kernel()
-def step_kinematic(begin, end, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
+def step_kinematic(
+    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
+):
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_kinematic(lanes[k], _acting(substep, lanes[k], settings), settings)
+            advance_kinematic(lanes[k], _acting(substep, lanes[k], settings), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_kinematic(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
 
 
 @kernel()
-def step_linear(begin, end, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
+def step_linear(
+    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
+):
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_linear(lanes[k], _acting(substep, lanes[k], settings), settings)
+            advance_linear(lanes[k], _acting(substep, lanes[k], settings), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_linear(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
 
 
 @kernel()
-def step_magic(begin, end, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
+def step_magic(begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome):
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_magic_formula(lanes[k], _acting(substep, lanes[k], settings), settings)
+            advance_magic_formula(lanes[k], _acting(substep, lanes[k], settings), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_magic_formula(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
+
+
+@kernel()
+def step_front_driven(
+    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
+):
+    for k in range(begin, end):
+        set_speeds(k, lanes, counters, settings)
+        for substep in range(_command(k, lanes, counters, settings, action)):
+            advance_front_driven(lanes[k], _acting(substep, lanes[k], settings), settings, gear)
+            cross_segments(k, lanes, counters, road)
+        show_front_driven(lanes[k])
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
 
 
 @kernel(parallel=True)
-def step_kinematic_parallel(begin, end, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
+def step_kinematic_parallel(
+    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
+):
     for k in prange(begin, end):
-        step_kinematic(k, k + 1, lanes, counters, road, roads, settings, sensors, action, observation, outcome)
+        step_kinematic(
+            k, k + 1, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
+        )
 
 
 @kernel(parallel=True)
-def step_linear_parallel(begin, end, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
+def step_linear_parallel(
+    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
+):
     for k in prange(begin, end):
-        step_linear(k, k + 1, lanes, counters, road, roads, settings, sensors, action, observation, outcome)
+        step_linear(
+            k, k + 1, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
+        )
 
 
 @kernel(parallel=True)
-def step_magic_parallel(begin, end, lanes, counters, road, roads, settings, sensors, action, observation, outcome):
+def step_magic_parallel(
+    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
+):
     for k in prange(begin, end):
-        step_magic(k, k + 1, lanes, counters, road, roads, settings, sensors, action, observation, outcome)
+        step_magic(
+            k, k + 1, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
+        )
+
+
+@kernel(parallel=True)
+def step_front_driven_parallel(
+    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
+):
+    for k in prange(begin, end):
+        step_front_driven(
+            k, k + 1, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
+        )
 
 
 #: Kernel of one control step by vehicle model, on one thread and on several.
-STEP = {at.KINEMATIC: step_kinematic, at.LINEAR: step_linear, at.MAGIC_FORMULA: step_magic}
+STEP = {
+    at.KINEMATIC: step_kinematic,
+    at.LINEAR: step_linear,
+    at.MAGIC_FORMULA: step_magic,
+    at.FRONT_DRIVEN: step_front_driven,
+}
 STEP_PARALLEL = {
     at.KINEMATIC: step_kinematic_parallel,
     at.LINEAR: step_linear_parallel,
     at.MAGIC_FORMULA: step_magic_parallel,
+    at.FRONT_DRIVEN: step_front_driven_parallel,
 }
 
 
 @kernel()
-def reset(mask, start, lanes, counters, road, roads, settings, sensors, observation, outcome):
+def reset(mask, start, lanes, counters, road, roads, settings, sensors, camera, observation, outcome):
     """Start the next episode where ``mask`` is set; ``start`` (4, n) fixes what is not NaN."""
     size = lanes.shape[2]
     for k in range(mask.shape[0]):
@@ -316,6 +408,7 @@ def reset(mask, start, lanes, counters, road, roads, settings, sensors, observat
                 roads,
                 settings,
                 sensors,
+                camera,
                 observation[first:last],
                 outcome[:, first:last],
             )

@@ -12,17 +12,11 @@ from gymnasium.utils import seeding
 from lanekeep_env import layout as at
 from lanekeep_env.envs import road_kernel
 from lanekeep_env.rendering.road_picture import Pose
-from lanekeep_env.roads import Road, RoadSpec, SpeedSpec, build_roads
-from lanekeep_env.scenario import INTEGRATION_STEP, LaneKeepScenario
-from lanekeep_env.sensing import MEASURED_CHANNELS, Sensor
+from lanekeep_env.roads import Road, RoadSpec, SetSpeeds, SpeedSpec, build_roads
+from lanekeep_env.scenario import INTEGRATION_STEP, CameraLaneScenario, LaneKeepScenario, RoadScenario
+from lanekeep_env.sensing import Sensor
 from lanekeep_env.sensing.measure import TRUTH
 
-_MODELS = {
-    ("kinematic", "linear"): at.KINEMATIC,
-    ("kinematic", "magic_formula"): at.KINEMATIC,
-    ("dynamic", "linear"): at.LINEAR,
-    ("dynamic", "magic_formula"): at.MAGIC_FORMULA,
-}
 _ACTIONS = {"steering_angle": at.STEERING_ANGLE, "steering_rate": at.STEERING_RATE}
 _DEPARTURES = {"terminate": at.TERMINATE, "cost": at.COST, "off": at.OFF}
 #: Lanes that are advanced together: enough for SIMD, few enough for the first-level cache.
@@ -73,7 +67,7 @@ def road_tables(
             to_end = np.concatenate([np.cumsum(seconds[::-1])[::-1], [0.0]])
             enough = np.flatnonzero(to_end >= duration)
             latest = geometry.stations[enough[-1]] if len(enough) else 0.0
-        roads.append((first, len(table), latest))
+        roads.append((first, len(table), 0.0 if road.from_start else latest))
         segments.append(table)
         first += len(table)
     tables = np.concatenate(segments).astype(dtype), np.array(roads, dtype=np.float64)
@@ -95,7 +89,7 @@ class RoadLanes:
 
     def __init__(
         self,
-        scenario: LaneKeepScenario,
+        scenario: RoadScenario,
         num_lanes: int,
         dtype: str,
         autoreset: int = at.NO_AUTORESET,
@@ -115,6 +109,7 @@ class RoadLanes:
         self.settings[at.MAX_STEPS] = max_steps or np.inf
         blocks = -(-num_lanes // BLOCK)
         self.sensors = self._sensors()
+        self.gear = self._gear()
         rows = at.LANE_ROWS + int(self.settings[at.DELAY_DEPTH])
         if self.sensors is not None:
             rows += int((TRUTH + 1 + self.sensors[:, 4]).sum())
@@ -132,6 +127,7 @@ class RoadLanes:
         self.road, self.roads = road_tables(
             s.road, s.speed, s.road.fingerprint(), s.episode_steps * s.control_step, self.dtype
         )
+        self.camera = self._camera()
         model = int(self.settings[at.MODEL])
         self.step = road_kernel.STEP[model]
         self.step_parallel = road_kernel.STEP_PARALLEL[model]
@@ -143,7 +139,7 @@ class RoadLanes:
         rate_mode = s.action == "steering_rate"
         values[at.STEP_TIME] = INTEGRATION_STEP
         values[at.SUBSTEPS] = round(s.control_step / INTEGRATION_STEP)
-        values[at.MODEL] = _MODELS[s.dynamics, s.tyre]
+        values[at.MODEL] = s.model
         values[at.IDEAL_STEERING] = steering.lag == 0.0 and steering.rate_limit is None
         values[at.ACTION_KIND] = _ACTIONS[s.action]
         values[at.ACTION_SCALE] = s.max_steering_rate if rate_mode else s.max_steering_angle
@@ -153,21 +149,27 @@ class RoadLanes:
         values[at.COST_WEIGHT] = s.cost_weight
         values[at.COST_RATE] = s.reference_steering_rate
         values[at.COST_CAP] = s.cost_cap
-        values[at.PREVIEW] = s.preview
-        values[at.PREVIEW_TIME] = s.preview_interval
+        if isinstance(s, LaneKeepScenario):
+            values[at.PREVIEW], values[at.PREVIEW_TIME] = s.preview, s.preview_interval
+        if isinstance(s, CameraLaneScenario):
+            values[at.PREVIEW], values[at.PREVIEW_DISTANCE] = s.plan, s.plan_spacing
+        if isinstance(s.speed, SetSpeeds):
+            values[at.SPEED_LOW], values[at.SPEED_HIGH] = s.speed.minimum, s.speed.maximum
+            values[at.SPEED_HOLD] = np.inf if s.speed.hold is None else round(s.speed.hold / s.control_step)
+            values[at.SPEED_CHANGE] = s.speed.acceleration * INTEGRATION_STEP
+            values[at.STANDSTILL] = s.speed.standstill
         values[at.FULL] = s.observation == "full"
         values[at.START_LATERAL] = s.start_lateral_error
         values[at.START_HEADING] = s.start_course_error
         values[at.COST_LATERAL] = s.reference_lateral_error
-        values[at.LATERAL_LIMIT] = getattr(s.speed, "lateral_acceleration", 0.0)
+        values[at.LATERAL_LIMIT] = getattr(s.speed, "lateral_acceleration", None) or 0.0
         values[at.NOMINAL : at.NOMINAL + at.NOMINAL_SIZE] = (
             s.vehicle.mass,
             s.vehicle.yaw_inertia,
-            s.vehicle.cg_to_front_axle,
-            s.vehicle.cg_to_rear_axle,
+            *s.axles,
             s.vehicle.front_cornering_stiffness,
             s.vehicle.rear_cornering_stiffness,
-            s.friction,
+            getattr(s, "friction", 1.0),
             steering.lag,
             np.inf if steering.rate_limit is None else steering.rate_limit,
             steering.delay,
@@ -181,14 +183,42 @@ class RoadLanes:
         return values
 
     def _sensors(self) -> np.ndarray | None:
-        """Numbers of the sensors, (channels, `layout.SENSOR_SIZE`), or None where all are perfect."""
+        """Numbers of the sensors, (channels, `layout.SENSOR_SIZE`), or None where all are perfect and always see."""
         s = self.scenario
-        if not s.sensors:
+        if not s.sensors and not any(measured.valid for measured in s.measured):
             return None
         given = dict(s.sensors)
-        return np.array(
-            [given.get(channel, Sensor()).numbers(s.control_step) for channel in MEASURED_CHANNELS], dtype=self.dtype
-        )
+        column = {channel.name: k for k, channel in enumerate(s.channels)}
+        rows = [
+            (
+                *given.get(measured.name, Sensor()).numbers(s.control_step),
+                measured.source,
+                column[measured.name],
+                column[measured.valid] if measured.valid else -1,
+                measured.missing,
+            )
+            for measured in s.measured
+        ]
+        return np.array(rows, dtype=self.dtype)
+
+    def _gear(self) -> np.ndarray | None:
+        """Numbers of the steering gear, (`layout.GEAR_SIZE`,), or None without backlash."""
+        steering = self.scenario.vehicle.steering
+        if steering.backlash == 0.0:
+            return None
+        return np.array([steering.backlash / 2, steering.feedback == "motor"], dtype=self.dtype)
+
+    def _camera(self) -> np.ndarray | None:
+        """Numbers of the camera and the marking of each row of the road table, or None without a camera."""
+        s = self.scenario
+        if not isinstance(s, CameraLaneScenario):
+            return None
+        offset = s.set_distance if s.camera.edge == "left" else -s.set_distance
+        marks = [
+            np.append(np.ones(len(road.lengths)) if road.marked is None else road.marked, [1.0][: not road.closed])
+            for road, _ in self.road_set()
+        ]
+        return np.concatenate([[s.reach, offset, s.camera.widest], *marks])
 
     def seed(self, seeds: Sequence[int | None]) -> None:
         """Give lane i the base key of ``seeds[i]``, the first draw of Gymnasium's generator for that seed."""
@@ -216,6 +246,7 @@ class RoadLanes:
             self.roads,
             self.settings,
             self.sensors,
+            self.camera,
             observation,
             outcome,
         )
@@ -254,6 +285,7 @@ class RoadLanes:
         block, i = divmod(lane, self.lanes.shape[2])
         car = self.lanes[block, :, i].tolist()
         road, _ = self.road_set()[int(self.counters[at.ROAD, lane])]
+        edge = car[at.EDGE] if self.camera is not None else None
         return Pose(
             road=road,
             s=car[at.STATION] + car[at.ALONG],
@@ -263,10 +295,11 @@ class RoadLanes:
             speed=car[at.SPEED],
             time=car[at.STEP] * self.scenario.control_step,
             departed=car[at.DEPARTED] > 0.0,
+            edge=None if edge is None or np.isnan(edge) else edge,
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k not in ("road", "roads", "step", "step_parallel")}
+        return {k: v for k, v in self.__dict__.items() if k not in ("road", "roads", "camera", "step", "step_parallel")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

@@ -16,6 +16,8 @@ from lanekeep_env.tasks.lane_keeping import steady_turning
 # numba compiles a function anew for every literal it is called with.)
 DRAW_ROAD, DRAW_STATION, DRAW_LATERAL, DRAW_HEADING = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 DRAW_CAR = np.int64(4)  # and the following, one a randomised number
+#: Counter of the first set speed of an episode; one a control step from there.
+FIRST_SET_SPEED = np.int64(1 << 33)
 
 #: Share of the friction that the speed profile uses at the most.
 FRICTION_SHARE = 0.8
@@ -105,6 +107,7 @@ def draw_car(i, key, lanes, settings):
     lag = settings[at.NOMINAL + 7] * _within(key, np.int64(6), settings)
     half = 0.5 * settings[at.STEP_TIME]
     lanes[at.STEER_RESPONSE, i] = 1.0 - np.exp(-half / lag) if lag > 0.0 else 1.0
+    lanes[at.STEER_GAIN, i] = half / lag if lag > 0.0 else 1.0
     lanes[at.STEER_CHANGE, i] = settings[at.NOMINAL + 8] * half
     delay = settings[at.NOMINAL + 9] + _within(key, np.int64(7), settings)
     lanes[at.DELAY, i] = np.floor(delay / settings[at.STEP_TIME] + 0.5)
@@ -115,6 +118,27 @@ def draw_car(i, key, lanes, settings):
     if settings[at.MODEL] == at.MAGIC_FORMULA and demand > grip:
         factor *= grip / demand
     lanes[at.SPEED_FACTOR, i] = factor
+
+
+@inline
+def _set_speed(i, episode, step, lanes, settings):
+    """Draw the set speed (m/s) that holds from control step ``step`` of the episode on."""
+    key = derive(episode, FIRST_SET_SPEED + step)
+    low, high = np.float64(settings[at.SPEED_LOW]), np.float64(settings[at.SPEED_HIGH])
+    speed = (low + (high - low) * uniform(key, np.int64(0))) * np.sqrt(np.float64(lanes[at.SPEED_FACTOR, i]))
+    return 0.0 if uniform(key, np.int64(1)) < settings[at.STANDSTILL] else speed
+
+
+@helper
+def set_speeds(k, lanes, counters, settings):
+    """Draw new set speeds for the lanes of block ``k`` whose time has come."""
+    first, block = k * lanes.shape[2], lanes[k]
+    hold = settings[at.SPEED_HOLD]
+    for i in range(min(block.shape[1], counters.shape[1] - first)):
+        step = block[at.STEP, i]
+        if step > 0.0 and step % hold == 0.0:
+            episode = derive(np.uint64(counters[at.KEY, first + i]), counters[at.EPISODE, first + i])
+            block[at.SPEED_TARGET, i] = _set_speed(i, episode, np.int64(step), block, settings)
 
 
 @helper
@@ -139,6 +163,8 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     along = s - road[low, at.R_STATION]
     squared = np.float64(lanes[at.SPEED_SQUARED, i]) + lanes[at.SPEED_SQUARED_SLOPE, i] * along
     v = np.sqrt(max(squared, 0.0))
+    if settings[at.SPEED_HIGH] > 0.0:
+        v = _set_speed(i, key, np.int64(0), lanes, settings)
     steer, beta, r = steady_turning(
         v,
         np.float64(lanes[at.CURVATURE, i]) + lanes[at.CURVATURE_SLOPE, i] * along,
@@ -147,7 +173,7 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
         1.0 / np.float64(lanes[at.CAR + 2, i]),
         np.float64(lanes[at.CAR + 4, i]),
         np.float64(lanes[at.CAR + 5, i]),
-        settings[at.MODEL] == at.KINEMATIC,
+        settings[at.MODEL] == at.KINEMATIC or settings[at.MODEL] == at.FRONT_DRIVEN,
     )
     steer = clip(steer, -np.float64(settings[at.COMMAND_LIMIT]), np.float64(settings[at.COMMAND_LIMIT]))
     if np.isnan(lateral):
@@ -160,10 +186,12 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     lanes[at.SIDESLIP, i] = beta
     lanes[at.YAW_RATE, i] = r
     lanes[at.SPEED, i] = v
+    lanes[at.SPEED_TARGET, i] = v
     lanes[at.ACCELERATION, i] = v * r
     lanes[at.STEER, i] = steer
     lanes[at.STEER_BEFORE, i] = steer
     lanes[at.COMMAND, i] = steer
+    lanes[at.MOTOR, i] = steer  # in the middle of the gap
     for row in range(np.int64(settings[at.DELAY_DEPTH])):
         lanes[at.LANE_ROWS + row, i] = steer
     zero = like(lanes[0, 0], 0.0)

@@ -4,7 +4,8 @@ Measured order: 4 while a sub-step stays inside one road segment. What comes fro
 the start, middle and end of a sub-step: steering exactly (a held command through a first-order lag),
 speed from the profile at the start and with the profile's acceleration from there (the profile is
 linear in v² over arc length, so a car on the centre line keeps it exactly; any other is set right again
-at the next sub-step). Curvature is looked up at every stage.
+at the next sub-step), or, ``paced``, towards a set speed with a limited acceleration, whatever the road.
+Curvature is looked up at every stage.
 """
 
 from __future__ import annotations
@@ -20,12 +21,14 @@ from lanekeep_env.physics.numeric import clip, larger, like, wrapped
 from lanekeep_env.physics.single_track import (
     dynamic_linear,
     dynamic_magic_formula,
+    front_driven,
+    front_driven_outputs,
     kinematic,
     kinematic_outputs,
     linear_outputs,
     magic_formula_outputs,
 )
-from lanekeep_env.physics.steering import advance_steering
+from lanekeep_env.physics.steering import advance_gear, advance_steering
 
 #: A sideslip (rad) and a yaw rate (rad/s) at which a diverging car is held, so that numbers stay finite.
 LARGEST_SIDESLIP, LARGEST_YAW_RATE = 3.141592653589793, 50.0
@@ -58,7 +61,7 @@ def _named(model: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable
     return rename
 
 
-def integrator(rates: Callable[..., Any]) -> Callable[..., Any]:
+def integrator(rates: Callable[..., Any], paced: bool = False) -> Callable[..., Any]:
     """Return the compiled loop that advances a block of lanes with a vehicle model of `single_track`."""
 
     @inline
@@ -68,7 +71,7 @@ def integrator(rates: Callable[..., Any]) -> Callable[..., Any]:
 
     @helper
     @_named(rates)
-    def advance(lanes, command_row, settings):
+    def advance(lanes, command_row, settings, gear):
         """Advance the lanes of a block by one sub-step, in place; ``command_row`` holds the steering command."""
         along_, d_, theta_ = lanes[at.ALONG], lanes[at.LATERAL], lanes[at.HEADING]
         beta_, r_, steer_, command_ = lanes[at.SIDESLIP], lanes[at.YAW_RATE], lanes[at.STEER], lanes[command_row]
@@ -78,6 +81,8 @@ def integrator(rates: Callable[..., Any]) -> Callable[..., Any]:
         stiff_f_, stiff_r_ = lanes[at.CAR + 4], lanes[at.CAR + 5]
         peak_f_, peak_r_ = lanes[at.CAR + 6], lanes[at.CAR + 7]
         response_, change_ = lanes[at.STEER_RESPONSE], lanes[at.STEER_CHANGE]
+        motor_, share_ = lanes[at.MOTOR], lanes[at.STEER_GAIN]
+        pace_, target_ = lanes[at.SPEED], lanes[at.SPEED_TARGET]
         h = settings[at.STEP_TIME]
         ideal = settings[at.IDEAL_STEERING] > like(h, 0.0)
         half = h * like(h, 0.5)
@@ -87,14 +92,27 @@ def integrator(rates: Callable[..., Any]) -> Callable[..., Any]:
         for i in range(lanes.shape[1]):
             x, d, t, b, r = along_[i], d_[i], theta_[i], beta_[i], r_[i]
             k, dk = curvature_[i], slope_[i]
-            v = _profile_speed(_not_negative(x), speed_[i], gain_[i])
-            v_middle = _not_negative(v + quarter * gain_[i])
-            v_end = _not_negative(v + half * gain_[i])
+            if paced:  # decided when the loop is compiled, as whether there is a gear
+                v = pace_[i]
+                missing, most = target_[i] - v, settings[at.SPEED_CHANGE]
+                v_middle = v + clip(missing, -most * like(h, 0.5), most * like(h, 0.5))
+                v_end = v + clip(missing, -most, most)
+                pace_[i] = v_end
+            else:
+                v = _profile_speed(_not_negative(x), speed_[i], gain_[i])
+                v_middle = _not_negative(v + quarter * gain_[i])
+                v_end = _not_negative(v + half * gain_[i])
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i])
             begin, command, response, change = steer_[i], command_[i], response_[i], change_[i]
             begin = command if ideal else begin  # the road wheel follows at once
-            middle = advance_steering(begin, command, response, change)
-            end = advance_steering(middle, command, response, change)
+            if gear is None:
+                middle = advance_steering(begin, command, response, change)
+                end = advance_steering(middle, command, response, change)
+            else:
+                gap, on_motor, gain = gear[at.GEAR_HALF_GAP], gear[at.GEAR_ON_MOTOR] > like(h, 0.0), share_[i]
+                motor, middle = advance_gear(motor_[i], begin, command, response, gain, change, gap, on_motor)
+                motor, end = advance_gear(motor, middle, command, response, gain, change, gap, on_motor)
+                motor_[i] = motor
             x1, d1, t1, b1, r1 = stage(x, d, t, b, r, begin, v, k, dk, car)
             x2, d2, t2, b2, r2 = stage(
                 x + half * x1, d + half * d1, t + half * t1, b + half * b1, r + half * r1, middle, v_middle, k, dk, car
@@ -115,7 +133,7 @@ def integrator(rates: Callable[..., Any]) -> Callable[..., Any]:
     return advance
 
 
-def shower(outputs: Callable[..., Any]) -> Callable[..., Any]:
+def shower(outputs: Callable[..., Any], paced: bool = False) -> Callable[..., Any]:
     """Return the compiled loop that writes speed, sideslip, yaw rate and lateral acceleration of lanes."""
 
     @helper
@@ -130,7 +148,7 @@ def shower(outputs: Callable[..., Any]) -> Callable[..., Any]:
         v_, acceleration_ = lanes[at.SPEED], lanes[at.ACCELERATION]
         for i in range(lanes.shape[1]):
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i])
-            v = _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
+            v = v_[i] if paced else _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
             v_[i] = v
             theta_[i] = wrapped(theta_[i])
             # Only a car without saturating tyres gets there: a linear tyre's force has no end, nor has its spin.
@@ -142,8 +160,10 @@ def shower(outputs: Callable[..., Any]) -> Callable[..., Any]:
 
 
 advance_kinematic = integrator(kinematic)
+advance_front_driven = integrator(front_driven, paced=True)
 advance_linear = integrator(dynamic_linear)
 advance_magic_formula = integrator(dynamic_magic_formula)
 show_kinematic = shower(kinematic_outputs)
+show_front_driven = shower(front_driven_outputs, paced=True)
 show_linear = shower(linear_outputs)
 show_magic_formula = shower(magic_formula_outputs)

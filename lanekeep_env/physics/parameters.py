@@ -6,11 +6,12 @@ written and not a thousand steps later as a NaN.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from lanekeep_env.checks import from_mapping, nearest, plain_numbers, require
+from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
 
 GRAVITY = 9.81
 
@@ -24,18 +25,31 @@ class SteeringActuator:
         rate_limit: largest speed of the road wheel in rad/s, None for none.
         angle_limit: largest road-wheel angle in rad, either side, None for none.
         delay: transport delay of the command in s, a multiple of the 10 ms integration step.
+        backlash: play of the steering gear between motor and road wheel, the whole gap in rad of the road wheel. The
+            lag is then that of a P loop which sets the motor's speed, (command - measured angle) / lag within the rate
+            limit; see `advance_gear`.
+        feedback: the angle which that loop measures, "road_wheel" (behind the gear) or "motor".
     """
 
     lag: float = 0.0
     rate_limit: float | None = None
     angle_limit: float | None = None
     delay: float = 0.0
+    backlash: float = 0.0
+    feedback: str = "road_wheel"
 
     def __post_init__(self) -> None:
         require("steering.lag", self.lag, "s", at_least=0.0)
         require("steering.rate_limit", self.rate_limit, "rad/s", above=0.0, optional=True)
         require("steering.angle_limit", self.angle_limit, "rad", above=0.0, at_most=1.5, optional=True)
         require("steering.delay", self.delay, "s", at_least=0.0, at_most=2.0)
+        require("steering.backlash", self.backlash, "rad", at_least=0.0, at_most=0.5)
+        choose("steering.feedback", self.feedback, ("road_wheel", "motor"))
+        if self.backlash > 0.0 and self.lag == 0.0:
+            raise ValueError(
+                f"steering.backlash={self.backlash!r} is not allowed with lag=0: a loop of infinite gain would chatter "
+                "in the gap; give a lag > 0 s"
+            )
         plain_numbers(self)
 
 
@@ -126,6 +140,25 @@ VEHICLES: dict[str, VehicleParameters] = {
             source=(
                 "Yin 2010, a physical car decoded from the printed gains at 25 m/s (b2 = 1.861 1/s², "
                 "a22 = -128.4 m/s²); stiffnesses within that rounding that give all printed digits of k_c"
+            ),
+        ),
+        VehicleParameters(
+            name="van",
+            mass=2500.0,
+            yaw_inertia=4500.0,
+            cg_to_front_axle=1.4,
+            cg_to_rear_axle=1.6,
+            front_cornering_stiffness=90_000.0,
+            rear_cornering_stiffness=90_000.0,
+            steering_ratio=18.0,
+            steering=SteeringActuator(
+                lag=0.25, rate_limit=math.radians(20.0), angle_limit=0.6, backlash=math.radians(2.0)
+            ),
+            length=4.6,
+            width=1.9,
+            source=(
+                "Trächtler, Lohmann, Struck 1992: lag 0.25 s. The article gives no other number: wheelbase 3 m, motor "
+                "20 deg/s and gap 2 deg at the road wheel, body and masses are stated here as those of such a van"
             ),
         ),
         _commonroad(1, 1225.8878467253344, 1538.8533713561394, 0.88392, 1.50876, (4.298, 1.674), 0.91),

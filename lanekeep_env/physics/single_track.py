@@ -54,6 +54,19 @@ def kinematic(d, theta, beta, r, steer, v, kappa, car):
 
 
 @inline
+def front_driven(d, theta, beta, r, steer, v, kappa, car):
+    """Kinematic single track whose front wheel has the speed ``v``; d and theta are the rear axle's.
+
+    r = v sin(delta)/l, the front wheel turns on l/sin(delta) and the rear axle moves with v cos(delta) (Trächtler,
+    Lohmann, Struck 1992 (5)). Exact, any speed, any steering angle. ``car`` starts with (l, 0).
+    """
+    sine, cosine = sin_cos(steer)
+    yaw_rate = v * sine / (car[0] + car[1])
+    s_rate, d_rate, theta_rate = path_rates(v * cosine, like(v, 0.0), theta, yaw_rate, d, kappa)
+    return s_rate, d_rate, theta_rate, like(d, 0.0), like(d, 0.0)
+
+
+@inline
 def linear_forces(beta, r, steer, v, car):
     """Front and rear lateral axle force, N, for small angles and linear tyres."""
     inverse = like(v, 1.0) / larger(v, like(v, SLIP_SPEED_FLOOR))
@@ -123,6 +136,14 @@ def kinematic_outputs(beta, r, steer, v, car):
     sine, cosine = sin_cos(steer)
     turn = sine / (cosine * (car[0] + car[1]))
     return arctan(car[1] * turn), v * turn, v * v * turn
+
+
+@inline
+def front_driven_outputs(beta, r, steer, v, car):
+    """Sideslip (none), yaw rate and lateral acceleration of the rear axle."""
+    sine, cosine = sin_cos(steer)
+    turn = sine / (car[0] + car[1])
+    return like(v, 0.0), v * turn, v * v * cosine * turn
 
 
 @inline

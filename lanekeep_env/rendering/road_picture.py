@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lanekeep_env.roads import Road
-from lanekeep_env.scenario import LaneKeepScenario
+from lanekeep_env.scenario import RoadScenario
 
 WIDTH, HEIGHT = 800, 460
 #: Drawn at twice the size and scaled down, which smooths all edges.
@@ -27,7 +27,10 @@ _INK, _FAINT, _PAPER, _ALARM = (45, 48, 53), (150, 155, 160), (252, 252, 252), (
 
 @dataclass(frozen=True)
 class Pose:
-    """What a picture needs of a car: road and place on it (m, rad), steering (rad), speed (m/s), time (s)."""
+    """What a picture needs of a car: road and place on it (m, rad), steering (rad), speed (m/s), time (s).
+
+    ``edge``: distance of the road's edge that a camera sees, m; None where it sees none, or there is no camera.
+    """
 
     road: Road
     s: float
@@ -37,6 +40,7 @@ class Pose:
     speed: float
     time: float
     departed: bool
+    edge: float | None = None
 
 
 class RoadPicture:
@@ -46,7 +50,7 @@ class RoadPicture:
         ImportError: pygame is not installed; names the extra that brings it.
     """
 
-    def __init__(self, scenario: LaneKeepScenario) -> None:
+    def __init__(self, scenario: RoadScenario) -> None:
         try:
             import pygame
         except ModuleNotFoundError as error:

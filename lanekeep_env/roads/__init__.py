@@ -12,7 +12,8 @@ from lanekeep_env.roads.generators import (
 )
 from lanekeep_env.roads.road import Road
 from lanekeep_env.roads.specs import ROADS, RoadFile, RoadSpec, build_roads, road_from
-from lanekeep_env.roads.speed import ConstantSpeed, LimitedSpeed, SpeedSpec, speed_from
+from lanekeep_env.roads.speed import ConstantSpeed, LimitedSpeed, SetSpeeds, SpeedSpec, set_speeds_from, speed_from
+from lanekeep_env.roads.yards import TurnOffRoads, YardRoads
 
 __all__ = [
     "ROADS",
@@ -24,13 +25,17 @@ __all__ = [
     "RoadFile",
     "RoadSpec",
     "RoadWorksRoads",
+    "SetSpeeds",
     "SineRoad",
     "SlalomRoad",
     "SpeedSpec",
     "StraightRoad",
+    "TurnOffRoads",
+    "YardRoads",
     "YinRoad",
     "build_roads",
     "read_road",
     "road_from",
+    "set_speeds_from",
     "speed_from",
 ]

@@ -18,6 +18,8 @@ class RoadRecord:
     kind: ClassVar[str]
     #: Speed that the profile does not fall below on this road, m/s.
     minimum_speed: ClassVar[float | None] = None
+    #: Episodes start at the road's beginning, not anywhere on it.
+    from_start: ClassVar[bool] = False
 
     def to_dict(self) -> dict[str, Any]:
         """Return kind and fields as JSON-able values; `road_from` reads them back."""

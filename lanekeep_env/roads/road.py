@@ -26,6 +26,7 @@ class Road:
         origin: x (m), y (m) and heading (rad) of the start.
         fit_error: largest distance of a given point from the road, m (roads read from files).
         given: the points that the road was fitted to, m, (m, 2), or None.
+        marked: whether a camera can see the edges of each segment, (n,), or None where it can everywhere.
 
     Beyond the end of an open road its last curvature goes on; a closed road repeats.
     """
@@ -38,6 +39,7 @@ class Road:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     fit_error: float = 0.0
     given: Floats | None = field(default=None, repr=False)
+    marked: NDArray[np.bool_] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for key in ("lengths", "curvature_start", "curvature_end"):
@@ -122,7 +124,34 @@ class Road:
         part = np.arange(len(owner)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
         rise = (self.curvature_end - self.curvature_start)[owner] / pieces[owner]
         start = self.curvature_start[owner] + rise * part
-        return replace(self, lengths=(self.lengths / pieces)[owner], curvature_start=start, curvature_end=start + rise)
+        marked = None if self.marked is None else self.marked[owner]
+        return replace(
+            self,
+            lengths=(self.lengths / pieces)[owner],
+            curvature_start=start,
+            curvature_end=start + rise,
+            marked=marked,
+        )
+
+    def without_marking(self, stretches: ArrayLike) -> Road:
+        """Return the same curve with no visible edge on ``stretches``, from and to in m of arc length, (k, 2)."""
+        stretches = np.asarray(stretches, dtype=np.float64).reshape(-1, 2).clip(0.0, self.length)
+        cuts = np.unique(np.concatenate([self.stations, stretches.ravel()]))
+        cuts = cuts[np.concatenate([[True], np.diff(cuts) > 1e-6])]
+        cuts[-1] = self.length
+        middle = 0.5 * (cuts[1:] + cuts[:-1])
+        owner = np.searchsorted(self.stations, middle, side="right") - 1
+        start, slope = self.curvature_start[owner], self._extended[1][owner]
+        first, last = cuts[:-1] - self.stations[owner], cuts[1:] - self.stations[owner]
+        hidden = ((middle[:, None] > stretches[:, 0]) & (middle[:, None] < stretches[:, 1])).any(axis=1)
+        seen = np.ones(len(owner), dtype=np.bool_) if self.marked is None else self.marked[owner]
+        return replace(
+            self,
+            lengths=np.diff(cuts),
+            curvature_start=start + slope * first,
+            curvature_end=start + slope * last,
+            marked=seen & ~hidden,
+        )
 
     def check_lane(self, half_width: float) -> None:
         """Raise ValueError where the road turns so tightly that a lane of that half width folds over itself."""

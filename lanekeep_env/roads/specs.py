@@ -22,6 +22,7 @@ from lanekeep_env.roads.generators import (
 )
 from lanekeep_env.roads.road import Floats, Road
 from lanekeep_env.roads.speed import SpeedSpec
+from lanekeep_env.roads.yards import TurnOffRoads, YardRoads
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,18 @@ class RoadFile(RoadRecord):
 
 RoadSpec = RoadRecord
 
-_RECORDS = (StraightRoad, CircleRoad, SlalomRoad, SineRoad, RandomRoads, YinRoad, RoadWorksRoads, RoadFile)
+_RECORDS = (
+    StraightRoad,
+    CircleRoad,
+    SlalomRoad,
+    SineRoad,
+    RandomRoads,
+    YinRoad,
+    RoadWorksRoads,
+    YardRoads,
+    TurnOffRoads,
+    RoadFile,
+)
 ROADS: dict[str, type[RoadRecord]] = {record.kind: record for record in _RECORDS}
 
 

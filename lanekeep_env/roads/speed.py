@@ -1,4 +1,4 @@
-"""Speed along a road: constant, or as fast as lateral and longitudinal acceleration allow."""
+"""Speed on a road: constant, as fast as lateral and longitudinal acceleration allow, or set speeds in time."""
 
 from __future__ import annotations
 
@@ -95,7 +95,62 @@ class LimitedSpeed:
         return road, np.sqrt(squared)
 
 
-SpeedSpec = ConstantSpeed | LimitedSpeed
+@dataclass(frozen=True)
+class SetSpeeds:
+    """Set speeds in time, drawn anew every while; the car goes from one to the next with a limited acceleration.
+
+    Attributes:
+        minimum, maximum: between which a set speed is drawn, m/s.
+        hold: s from one set speed to the next, a multiple of the control step; None for one an episode.
+        standstill: share of set speeds that are 0.
+        acceleration: largest change of speed, m/s², either way.
+        lateral_acceleration: largest v² |curvature|, m/s²: the car slows down before bends; None for no limit.
+    """
+
+    minimum: float = 0.0
+    maximum: float = 6.0
+    hold: float | None = 8.0
+    standstill: float = 0.1
+    acceleration: float = 1.5
+    lateral_acceleration: float | None = 2.5
+
+    def __post_init__(self) -> None:
+        require("speed.maximum", self.maximum, "m/s", at_least=0.0, at_most=100.0)
+        require("speed.minimum", self.minimum, "m/s", at_least=0.0, at_most=self.maximum)
+        require("speed.hold", self.hold, "s", above=0.0, optional=True)
+        require("speed.standstill", self.standstill, "(a share)", at_least=0.0, at_most=1.0)
+        require("speed.acceleration", self.acceleration, "m/s²", above=0.0)
+        require("speed.lateral_acceleration", self.lateral_acceleration, "m/s²", above=0.0, optional=True)
+        plain_numbers(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON-able values."""
+        return asdict(self)
+
+    def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
+        """Return the road and the largest speed at its segment borders, m/s, (n + 1,)."""
+        if self.lateral_acceleration is None or self.maximum == 0.0:
+            return ConstantSpeed(self.maximum).along(road)
+        limit = LimitedSpeed(
+            self.lateral_acceleration, self.maximum, acceleration=self.acceleration, deceleration=self.acceleration
+        )
+        return limit.along(road)
+
+
+SpeedSpec = ConstantSpeed | LimitedSpeed | SetSpeeds
+
+
+def set_speeds_from(value: float | Mapping[str, Any] | SetSpeeds) -> SetSpeeds:
+    """Read set speeds: m/s (that speed throughout), a mapping of `SetSpeeds`, or a record; ValueError if neither."""
+    if isinstance(value, SetSpeeds):
+        return value
+    if isinstance(value, Mapping):
+        return from_mapping(SetSpeeds, value, "speed")
+    if isinstance(value, Real) and not isinstance(value, bool):
+        require("speed", value, "m/s", at_least=0.0, at_most=100.0)
+        speed = float(value)
+        return SetSpeeds(speed, speed, hold=None, standstill=0.0, lateral_acceleration=None)
+    raise ValueError(f"speed={value!r} must be a number in m/s or a mapping of SetSpeeds' fields")
 
 
 def speed_from(value: float | Mapping[str, Any] | SpeedSpec | None) -> SpeedSpec:

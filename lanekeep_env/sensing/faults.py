@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
 
-#: Channels that come from sensors, in the order of the observation.
+#: Channels that come from sensors, in the order of the observation: of lane keeping, of guidance by camera.
 MEASURED_CHANNELS = ("lateral_error", "heading_error", "yaw_rate", "speed", "steering_angle")
+CAMERA_CHANNELS = ("edge_distance", "speed", "steering_angle")
 
 
 @dataclass(frozen=True)
@@ -86,10 +87,28 @@ SENSOR_SETS: dict[str, dict[str, Sensor]] = {
     },
 }
 
+#: The same for guidance by camera: image processing at 12.5 and 8 pictures a second.
+CAMERA_SENSOR_SETS: dict[str, dict[str, Sensor]] = {
+    "production": {
+        "edge_distance": Sensor(noise=0.02, resolution=0.005, period=0.08, delay=0.08, dropout=0.02),
+        "speed": Sensor(noise=0.02),
+        "steering_angle": Sensor(noise=0.001, resolution=0.001),
+    },
+    "poor": {
+        "edge_distance": Sensor(noise=0.05, bias=0.05, period=0.12, delay=0.16, dropout=0.15),
+        "speed": Sensor(noise=0.05, bias=0.05),
+        "steering_angle": Sensor(noise=0.003, bias=0.01, resolution=0.002),
+    },
+}
+
 Sensors = tuple[tuple[str, Sensor], ...]
 
 
-def sensors_from(value: str | Mapping[str, Any] | Sensors | None) -> Sensors:
+def sensors_from(
+    value: str | Mapping[str, Any] | Sensors | None,
+    channels: Sequence[str] = MEASURED_CHANNELS,
+    sets: Mapping[str, Mapping[str, Sensor]] = SENSOR_SETS,
+) -> Sensors:
     """Read sensors: None (perfect), a named set, or a mapping of channels to `Sensor` or its fields.
 
     Raises:
@@ -100,21 +119,20 @@ def sensors_from(value: str | Mapping[str, Any] | Sensors | None) -> Sensors:
     if isinstance(value, tuple):
         return value
     if isinstance(value, str):
-        choose("sensors", value, SENSOR_SETS)
-        return tuple(SENSOR_SETS[value].items())
+        choose("sensors", value, sets)
+        return tuple(sets[value].items())
     if not isinstance(value, Mapping):
-        raise ValueError(f"sensors={value!r} must be {', '.join(SENSOR_SETS)} or a mapping of channels to faults")
+        raise ValueError(f"sensors={value!r} must be {', '.join(sets)} or a mapping of channels to faults")
     read: dict[str, Sensor] = {}
     for channel, sensor in value.items():
-        if channel not in MEASURED_CHANNELS:
+        if channel not in channels:
             raise ValueError(
-                f"sensors has no channel {channel!r}{nearest(channel, MEASURED_CHANNELS)}; "
-                f"allowed: {', '.join(MEASURED_CHANNELS)}"
+                f"sensors has no channel {channel!r}{nearest(channel, channels)}; allowed: {', '.join(channels)}"
             )
         if not isinstance(sensor, Sensor | Mapping):
             raise ValueError(f"sensors.{channel}={sensor!r} must be a mapping of faults, e.g. {{'noise': 0.01}}")
         read[channel] = sensor if isinstance(sensor, Sensor) else from_mapping(Sensor, sensor, f"sensors.{channel}")
-    return tuple((channel, read[channel]) for channel in MEASURED_CHANNELS if channel in read)
+    return tuple((channel, read[channel]) for channel in channels if channel in read)
 
 
 def sensors_to_dict(sensors: Sensors) -> dict[str, Any]:

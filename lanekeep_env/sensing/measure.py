@@ -14,8 +14,9 @@ NOISE, NOISE_ANGLE, DROPPED, JUMPS, JUMP_SIZE = np.int64(0), np.int64(1), np.int
 DRAWS = np.int64(8)  # a sensor
 #: Counter of the first key of a step; far above the draws of an episode's start.
 FIRST_STEP = np.int64(1 << 32)
-#: Rows of one sensor in the lane: value held, offset by jumps, bias; then the truth, newest first.
-HELD, OFFSET, BIAS, TRUTH = 0, 1, 2, 3
+#: Rows of one sensor in the lane: value held, whether its sample saw anything, offset by jumps, bias; then the
+#: truth, newest first.
+HELD, SEEN, OFFSET, BIAS, TRUTH = 0, 1, 2, 3, 4
 
 
 @inline
@@ -27,24 +28,29 @@ def _normal(key, counter):
 
 @helper
 def measure(i, lanes, counters, settings, sensors, observation):
-    """Replace the measured channels of lane i by what its sensors give, and write their new-sample channels."""
+    """Replace the measured channels of lane i by what its sensors give, and write their new-sample channels.
+
+    A truth of NaN is one that the sensor cannot see: its sample is lost, and its validity channel tells so.
+    """
     episode = derive(np.uint64(counters[at.KEY, i]), counters[at.EPISODE, i])
     step = np.int64(lanes[at.STEP, i])
     key = derive(episode, FIRST_STEP + step)
     first = derive(episode, FIRST_STEP)
     row = at.LANE_ROWS + np.int64(settings[at.DELAY_DEPTH])
     flag = observation.shape[1]
-    for channel in range(at.MEASURED):
+    for channel in range(sensors.shape[0]):
         if sensors[channel, 3] > 1.0 or sensors[channel, 5] > 0.0:
             flag -= 1
-    for channel in range(at.MEASURED):
+    for channel in range(sensors.shape[0]):
         noise, bias, resolution = sensors[channel, 0], sensors[channel, 1], sensors[channel, 2]
         period, delay = np.int64(sensors[channel, 3]), np.int64(sensors[channel, 4])
         dropout, jump, jumps = sensors[channel, 5], sensors[channel, 6], sensors[channel, 7]
-        truth = lanes[at.LATERAL + channel, i]
+        column, valid = np.int64(sensors[channel, at.COLUMN]), np.int64(sensors[channel, at.VALID_COLUMN])
+        truth = lanes[np.int64(sensors[channel, at.SOURCE]), i]
         draw = np.int64(channel) * DRAWS
         if step == 0:
-            lanes[row + HELD, i] = truth
+            lanes[row + HELD, i] = sensors[channel, at.MISSING] if np.isnan(truth) else truth
+            lanes[row + SEEN, i] = like(truth, 0.0)
             lanes[row + OFFSET, i] = like(truth, 0.0)
             lanes[row + BIAS, i] = bias * _normal(first, draw + JUMP_SIZE + np.int64(1))
             for k in range(delay + 1):
@@ -57,14 +63,18 @@ def measure(i, lanes, counters, settings, sensors, observation):
             lanes[row + OFFSET, i] = jump * (2.0 * uniform(key, draw + JUMP_SIZE) - 1.0)
         sampled = step == 0 or (step % period == 0 and (dropout == 0.0 or uniform(key, draw + DROPPED) >= dropout))
         if sampled:
-            value = np.float64(lanes[row + TRUTH + delay, i]) + lanes[row + BIAS, i] + lanes[row + OFFSET, i]
+            seen = lanes[row + TRUTH + delay, i]
+            value = np.float64(seen) + lanes[row + BIAS, i] + lanes[row + OFFSET, i]
             if noise > 0.0:
                 value += noise * _normal(key, draw + NOISE)
             if resolution > 0.0:
                 value = resolution * np.floor(value / resolution + 0.5)
-            lanes[row + HELD, i] = value
-        place = at.BOUNDS + 2 * channel
-        observation[i, channel] = clip(lanes[row + HELD, i], settings[place], settings[place + 1])
+            lanes[row + SEEN, i] = 0.0 if np.isnan(seen) else 1.0
+            lanes[row + HELD, i] = lanes[row + HELD, i] if np.isnan(seen) else value
+        place = at.BOUNDS + 2 * column
+        observation[i, column] = clip(lanes[row + HELD, i], settings[place], settings[place + 1])
+        if valid >= 0:
+            observation[i, valid] = lanes[row + SEEN, i]
         if period > 1 or dropout > 0.0:
             observation[i, flag] = 1.0 if sampled else 0.0
             flag += 1

@@ -1,4 +1,4 @@
-"""Scenarios: frozen records of everything that defines an environment, checked when they are built."""
+"""What every scenario on a road shares: fields, checks, channels, JSON and hash."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from lanekeep_env.checks import choose, nearest, plain_numbers, require
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
 from lanekeep_env.randomisation import Randomisation, randomisation_from
-from lanekeep_env.roads import LimitedSpeed, RandomRoads, RoadSpec, RoadWorksRoads, SpeedSpec, road_from, speed_from
-from lanekeep_env.sensing.faults import Sensors, sensors_from, sensors_to_dict
+from lanekeep_env.roads import LimitedSpeed, RandomRoads, RoadSpec, SpeedSpec, road_from
+from lanekeep_env.sensing.faults import Sensors, sensors_to_dict
 
 #: Integration step of every vehicle model, s; control steps and delays are multiples of it.
 INTEGRATION_STEP = 0.01
@@ -33,40 +33,42 @@ class Channel:
     description: str
 
 
-#: Fields that may be given by name, number or mapping, and how they are read.
-_READERS: dict[str, Callable[[Any], Any]] = {
-    "vehicle": vehicle_from,
-    "road": road_from,
-    "speed": speed_from,
-    "randomisation": randomisation_from,
-    "sensors": sensors_from,
-}
+@dataclass(frozen=True)
+class Measured:
+    """A channel that comes from a sensor.
+
+    Attributes:
+        name: the channel's.
+        source: row of the kernel's lanes that holds the truth.
+        valid: channel that tells whether the last sample saw anything, None where it always does.
+        missing: value until anything was seen.
+    """
+
+    name: str
+    source: int
+    valid: str | None = None
+    missing: float = 0.0
 
 
 @dataclass(frozen=True)
-class LaneKeepScenario:
-    """Everything that defines `lanekeep/LaneKeep-v0`; every field is a keyword of ``gym.make``.
+class RoadScenario:
+    """A car on a road; every field is a keyword of ``gym.make``. Subclasses add what their task needs.
 
     Attributes:
-        vehicle: a name ("yin", "commonroad-1" ... "commonroad-3"), a mapping of changes to a named one
-            (``{"base": "yin", "mass": 2000.0}``) or `VehicleParameters`.
-        dynamics: "dynamic" (sideslip and tyres) or "kinematic" (no slip).
-        tyre: "linear" or "magic_formula" (saturates at friction times load); dynamic car only.
-        friction: road friction coefficient; only saturating tyres know it, with others it has no effect.
+        vehicle: a name (`VEHICLES`), a mapping of changes to a named one (``{"base": "yin", "mass": 2000.0}``)
+            or `VehicleParameters`.
         road: the name of a generator, a mapping with its settings, or the path of a centre-line CSV file.
-        speed: m/s, or a mapping of `LimitedSpeed`; 0.4 g of lateral acceleration and 180 km/h by default.
+        speed: m/s, or a mapping; see the subclass.
         action: "steering_angle" (the action is the road-wheel angle asked for) or "steering_rate".
         max_steering_angle: road-wheel angle that action 1 asks for, rad; also bounds the command in rate mode.
         max_steering_rate: road-wheel speed that action 1 asks for, rad/s (rate mode).
         start_lateral_error: the start is drawn within this distance of the lane's centre, m.
         start_course_error: the course at the start is drawn within this angle of the road's, rad.
-        lane_width: m; the car departs when its centre of gravity is more than half of it off the centre.
+        lane_width: m; the car departs when its reference point is more than half of it off the centre.
         departure: "terminate" ends the episode, "cost" goes on and charges, "off" ignores departures.
         reference_lateral_error, cost_weight, reference_steering_rate, cost_cap: m, w, rad/s and 1/s of the
             running cost min(cap, (d / reference)² + w (road-wheel speed / reference)²).
-        preview: number of curvature samples in the observation, the first one at the car.
-        preview_interval: time between preview samples at the present speed, s.
-        observation: "measured" (what sensors give) or "full" (adds sideslip, curvature, lateral acceleration).
+        observation: "measured" (what sensors give) or "full" (adds channels of the true state).
         randomisation: what differs from episode to episode: "nominal", "mismatch", "stress" or a mapping of
             bounds (see `Randomisation`).
         sensors: faults of the measured channels: None, "production", "poor" or a mapping of channels to
@@ -78,9 +80,6 @@ class LaneKeepScenario:
     """
 
     vehicle: VehicleParameters = VEHICLES["yin"]
-    dynamics: str = "dynamic"
-    tyre: str = "linear"
-    friction: float = 1.0
     road: RoadSpec = field(default_factory=RandomRoads)
     speed: SpeedSpec = field(default_factory=LimitedSpeed)
     action: str = "steering_angle"
@@ -94,24 +93,28 @@ class LaneKeepScenario:
     cost_weight: float = 1.0
     reference_steering_rate: float = 0.1
     cost_cap: float = 16.0
-    preview: int = 0
-    preview_interval: float = 0.1
     observation: str = "measured"
     randomisation: Randomisation = field(default_factory=Randomisation)
     sensors: Sensors = ()
     control_step: float = 0.05
     episode_steps: int = 600
 
+    #: Fields that may be given by name, number or mapping, and how they are read.
+    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
+        "vehicle": vehicle_from,
+        "road": road_from,
+        "randomisation": randomisation_from,
+    }
+    #: How much road a picture shows, m.
+    view: ClassVar[float] = 100.0
+
     def __post_init__(self) -> None:
-        for name, read in _READERS.items():
+        for name, read in self._readers.items():
             object.__setattr__(self, name, read(getattr(self, name)))
         self._check()
         plain_numbers(self)
 
     def _check(self) -> None:
-        choose("dynamics", self.dynamics, ("dynamic", "kinematic"))
-        choose("tyre", self.tyre, ("linear", "magic_formula"))
-        require("friction", self.friction, "", above=0.0, at_most=2.0)
         choose("action", self.action, ("steering_angle", "steering_rate"))
         require("max_steering_angle", self.max_steering_angle, "rad", above=0.0, at_most=1.5)
         require("max_steering_rate", self.max_steering_rate, "rad/s", above=0.0)
@@ -124,8 +127,6 @@ class LaneKeepScenario:
         require("cost_weight", self.cost_weight, "", at_least=0.0)
         require("reference_steering_rate", self.reference_steering_rate, "rad/s", above=0.0)
         require("cost_cap", self.cost_cap, "1/s", above=0.0)
-        require("preview", self.preview, "samples", at_least=0, at_most=1000, whole=True)
-        require("preview_interval", self.preview_interval, "s", above=0.0)
         choose("observation", self.observation, ("measured", "full"))
         require("control_step", self.control_step, "s", above=0.0, at_most=1.0)
         multiple_of_step("control_step", self.control_step)
@@ -135,7 +136,7 @@ class LaneKeepScenario:
         multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay)
 
     @classmethod
-    def from_keywords(cls, others: Iterable[str] = (), /, **keywords: Any) -> LaneKeepScenario:
+    def from_keywords(cls, others: Iterable[str] = (), /, **keywords: Any) -> RoadScenario:
         """Build a scenario from the keywords of ``gym.make``; ``others`` are further ones that it may name.
 
         Raises:
@@ -154,27 +155,29 @@ class LaneKeepScenario:
         """Lateral error beyond which the car has left its lane, m."""
         return self.lane_width / 2
 
+    @property
+    def model(self) -> int:
+        """The kernel's number of the vehicle model."""
+        raise NotImplementedError
+
+    @property
+    def axles(self) -> tuple[float, float]:
+        """Distance of the front and the rear axle from the reference point, whose errors are lateral and heading, m."""
+        return self.vehicle.cg_to_front_axle, self.vehicle.cg_to_rear_axle
+
+    @property
+    def measured(self) -> tuple[Measured, ...]:
+        """The channels that come from sensors, in the order of the observation."""
+        raise NotImplementedError
+
+    def _channels(self) -> list[Channel]:
+        """All channels but those that tell of new samples."""
+        raise NotImplementedError
+
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
         """Name, unit, bounds and meaning of each entry of the observation, in order."""
-        angle = 1.6
-        channels = [
-            Channel("lateral_error", "m", -20.0, 20.0, "centre of gravity left of the lane's centre"),
-            Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the road's, left positive"),
-            Channel("yaw_rate", "rad/s", -4.0, 4.0, "left positive"),
-            Channel("speed", "m/s", 0.0, 100.0, "present speed"),
-            Channel("steering_angle", "rad", -angle, angle, "road wheel, left positive"),
-            Channel("steering_command", "rad", -angle, angle, "command that last entered the actuator"),
-        ]
-        for k in range(self.preview):
-            ahead = f"{k * self.preview_interval:g} s ahead" if k else "at the car"
-            channels.append(Channel(f"curvature_preview_{k}", "1/m", -1.0, 1.0, f"of the road {ahead}, left positive"))
-        if self.observation == "full":
-            channels += [
-                Channel("sideslip", "rad", -math.pi, math.pi, "course minus heading"),
-                Channel("curvature", "1/m", -1.0, 1.0, "of the road at the car, left positive"),
-                Channel("lateral_acceleration", "m/s²", -50.0, 50.0, "of the centre of gravity, left positive"),
-            ]
+        channels = self._channels()
         for name, sensor in self.sensors:
             if sensor.numbers(self.control_step)[3] > 1 or sensor.dropout > 0.0:
                 channels.append(Channel(f"{name}_new", "", 0.0, 1.0, f"1 where {name} is a new sample, else 0"))
@@ -203,28 +206,13 @@ class LaneKeepScenario:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-@dataclass(frozen=True)
-class RoadWorksScenario(LaneKeepScenario):
-    """`lanekeep/RoadWorks-v0`: lane keeping in a narrow lane whose centre shifts sideways, at 80 km/h.
-
-    The car departs when its body touches the lane's edge, so what is left is (lane_width - car width) / 2.
-    """
-
-    road: RoadSpec = field(default_factory=RoadWorksRoads)
-    speed: SpeedSpec = field(default_factory=lambda: LimitedSpeed(maximum=80.0 / 3.6))
-    start_lateral_error: float = 0.15
-    start_course_error: float = math.radians(1.0)
-    lane_width: float = 2.75
-    reference_lateral_error: float = 0.15
-
-    def _check(self) -> None:
-        require("lane_width", self.lane_width, "m (the car's width)", above=self.vehicle.width)
-        super()._check()
-
-    @property
-    def departure_limit(self) -> float:
-        """Lateral error at which the body touches the lane's edge, m."""
-        return (self.lane_width - self.vehicle.width) / 2
+def steering_channels() -> list[Channel]:
+    """The two channels of every steering actuator."""
+    angle = 1.6
+    return [
+        Channel("steering_angle", "rad", -angle, angle, "road wheel, left positive"),
+        Channel("steering_command", "rad", -angle, angle, "command that last entered the actuator"),
+    ]
 
 
 def multiple_of_step(name: str, seconds: float) -> None:

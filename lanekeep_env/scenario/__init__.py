@@ -1,0 +1,16 @@
+"""Scenarios: frozen records of everything that defines an environment, checked when they are built."""
+
+from lanekeep_env.scenario.base import INTEGRATION_STEP, Channel, RoadScenario
+from lanekeep_env.scenario.camera import Camera, CameraLaneScenario, TurnOffScenario
+from lanekeep_env.scenario.lane_keep import LaneKeepScenario, RoadWorksScenario
+
+__all__ = [
+    "INTEGRATION_STEP",
+    "Camera",
+    "CameraLaneScenario",
+    "Channel",
+    "LaneKeepScenario",
+    "RoadScenario",
+    "RoadWorksScenario",
+    "TurnOffScenario",
+]

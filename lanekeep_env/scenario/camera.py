@@ -1,0 +1,165 @@
+"""Guidance by camera: scenarios of a van that sees the road's edge ahead of it, at walking to town speed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from typing import Any, ClassVar
+
+from lanekeep_env import layout as at
+from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
+from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
+from lanekeep_env.roads import RoadSpec, SetSpeeds, TurnOffRoads, YardRoads, set_speeds_from
+from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering_channels
+from lanekeep_env.sensing.faults import CAMERA_CHANNELS, CAMERA_SENSOR_SETS, sensors_from
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera fixed to the body that measures how far the road's edge is from the body's axis.
+
+    Attributes:
+        look_ahead: distance of the measured point ahead of the front axle, m.
+        edge: "right" or "left".
+        field_of_view: horizontal angle, rad; the camera sits on the axis above the front axle.
+    """
+
+    look_ahead: float = 3.5
+    edge: str = "right"
+    field_of_view: float = math.radians(100.0)
+
+    def __post_init__(self) -> None:
+        require("camera.look_ahead", self.look_ahead, "m", at_least=0.0, at_most=100.0)
+        choose("camera.edge", self.edge, ("right", "left"))
+        require("camera.field_of_view", self.field_of_view, "rad", above=0.0, at_most=math.radians(170.0))
+        plain_numbers(self)
+
+    @property
+    def widest(self) -> float:
+        """Largest distance of the edge, either side, that is inside the field of view, m."""
+        return self.look_ahead * math.tan(self.field_of_view / 2)
+
+
+def camera_from(value: Mapping[str, Any] | Camera) -> Camera:
+    """Read a camera: a record or a mapping of its fields; ValueError names what is wrong."""
+    if isinstance(value, Camera):
+        return value
+    if not isinstance(value, Mapping):
+        raise ValueError(f"camera={value!r} must be a mapping of Camera's fields, e.g. {{'look_ahead': 3.5}}")
+    return from_mapping(Camera, value, "camera")
+
+
+@dataclass(frozen=True)
+class CameraLaneScenario(RoadScenario):
+    """Everything that defines `lanekeep/CameraLane-v0`; every field is a keyword of ``gym.make``.
+
+    The fields of `RoadScenario` and these:
+
+    Attributes:
+        speed: of the front wheels: m/s, or a mapping of `SetSpeeds` (by default a new set speed between 0 and 6 m/s
+            every 8 s, one in ten of them a stop).
+        camera: a mapping of `Camera`.
+        plan: number of samples of the planned curvature in the observation, the first one at the rear axle.
+        plan_spacing: distance between them, m.
+
+    Errors are the rear axle's. The road's edges are half of ``lane_width`` from its centre line, so that is
+    the distance which the camera shows on a straight.
+    """
+
+    vehicle: VehicleParameters = VEHICLES["van"]
+    road: RoadSpec = field(default_factory=YardRoads)
+    speed: SetSpeeds = field(default_factory=SetSpeeds)  # type: ignore[assignment]
+    max_steering_angle: float = 0.6
+    max_steering_rate: float = math.radians(20.0)
+    start_lateral_error: float = 0.3
+    start_course_error: float = math.radians(3.0)
+    lane_width: float = 3.0
+    reference_lateral_error: float = 0.4
+    reference_steering_rate: float = 0.2
+    control_step: float = 0.04
+    episode_steps: int = 1000
+    camera: Camera = field(default_factory=Camera)
+    plan: int = 20
+    plan_spacing: float = 0.5
+
+    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
+        **RoadScenario._readers,
+        "speed": set_speeds_from,
+        "camera": camera_from,
+        "sensors": partial(sensors_from, channels=CAMERA_CHANNELS, sets=CAMERA_SENSOR_SETS),
+    }
+    view: ClassVar[float] = 40.0
+
+    def _check(self) -> None:
+        require("plan", self.plan, "samples", at_least=0, at_most=1000, whole=True)
+        require("plan_spacing", self.plan_spacing, "m", above=0.0)
+        super()._check()
+
+    @property
+    def model(self) -> int:
+        """The kernel's number of the vehicle model."""
+        return at.FRONT_DRIVEN
+
+    @property
+    def axles(self) -> tuple[float, float]:
+        """The reference point is the rear axle."""
+        return self.vehicle.wheelbase, 0.0
+
+    @property
+    def set_distance(self) -> float:
+        """Distance of the edge from the road's centre line, m: what the camera shows on a straight."""
+        return self.lane_width / 2
+
+    @property
+    def reach(self) -> float:
+        """Distance of the camera's look-ahead point from the rear axle, l + f, m."""
+        return self.vehicle.wheelbase + self.camera.look_ahead
+
+    @property
+    def measured(self) -> tuple[Measured, ...]:
+        """The channels that come from sensors, in the order of the observation."""
+        return (
+            Measured("edge_distance", at.EDGE, valid="edge_valid", missing=self.set_distance),
+            Measured("speed", at.SPEED),
+            Measured("steering_angle", at.STEER),
+        )
+
+    def _channels(self) -> list[Channel]:
+        side, ahead = self.camera.edge, f"{self.camera.look_ahead:g} m ahead of the front axle"
+        channels = [
+            Channel(
+                "edge_distance", "m", -20.0, 20.0, f"of the body's axis {ahead} from the {side} edge; held if lost"
+            ),
+            Channel("edge_valid", "", 0.0, 1.0, "1 where the camera's last picture showed the edge, else 0"),
+            Channel("speed", "m/s", 0.0, 100.0, "of the front wheels"),
+            *steering_channels(),
+        ]
+        for k in range(self.plan):
+            where = f"{k * self.plan_spacing:g} m ahead of the rear axle" if k else "at the rear axle"
+            channels.append(Channel(f"planned_curvature_{k}", "1/m", -1.0, 1.0, f"of the road {where}, left positive"))
+        if self.observation == "full":
+            channels += [
+                Channel("lateral_error", "m", -20.0, 20.0, "rear axle left of the lane's centre"),
+                Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the road's, left positive"),
+                Channel("motor_angle", "rad", -1.6, 1.6, "of the steering motor, in terms of the road wheel"),
+            ]
+        return channels
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the scenario as JSON-able values; `from_keywords` reads them back."""
+        return {**super().to_dict(), "camera": asdict(self.camera)}
+
+
+@dataclass(frozen=True)
+class TurnOffScenario(CameraLaneScenario):
+    """`lanekeep/TurnOff-v0`: a left curve, a straight, and a turn off the road without a visible edge."""
+
+    road: RoadSpec = field(default_factory=TurnOffRoads)
+    speed: SetSpeeds = field(  # type: ignore[assignment]
+        default_factory=lambda: SetSpeeds(minimum=2.0, hold=None, standstill=0.0, lateral_acceleration=None)
+    )
+    start_lateral_error: float = 0.1
+    start_course_error: float = math.radians(1.0)
+    episode_steps: int = 1500

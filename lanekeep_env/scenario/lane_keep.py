@@ -1,0 +1,111 @@
+"""Lane keeping and road works: scenarios of cars that follow a lane at a road's speed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, ClassVar
+
+from lanekeep_env import layout as at
+from lanekeep_env.checks import choose, require
+from lanekeep_env.roads import LimitedSpeed, RoadSpec, RoadWorksRoads, SpeedSpec, speed_from
+from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering_channels
+from lanekeep_env.sensing.faults import MEASURED_CHANNELS, SENSOR_SETS, sensors_from
+
+_MODELS = {
+    ("kinematic", "linear"): at.KINEMATIC,
+    ("kinematic", "magic_formula"): at.KINEMATIC,
+    ("dynamic", "linear"): at.LINEAR,
+    ("dynamic", "magic_formula"): at.MAGIC_FORMULA,
+}
+
+
+@dataclass(frozen=True)
+class LaneKeepScenario(RoadScenario):
+    """Everything that defines `lanekeep/LaneKeep-v0`; every field is a keyword of ``gym.make``.
+
+    The fields of `RoadScenario` and these:
+
+    Attributes:
+        speed: m/s, or a mapping of `LimitedSpeed`; 0.4 g of lateral acceleration and 180 km/h by default.
+        dynamics: "dynamic" (sideslip and tyres) or "kinematic" (no slip).
+        tyre: "linear" or "magic_formula" (saturates at friction times load); dynamic car only.
+        friction: road friction coefficient; only saturating tyres know it, with others it has no effect.
+        preview: number of curvature samples in the observation, the first one at the car.
+        preview_interval: time between preview samples at the present speed, s.
+    """
+
+    dynamics: str = "dynamic"
+    tyre: str = "linear"
+    friction: float = 1.0
+    preview: int = 0
+    preview_interval: float = 0.1
+
+    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
+        **RoadScenario._readers,
+        "speed": speed_from,
+        "sensors": partial(sensors_from, channels=MEASURED_CHANNELS, sets=SENSOR_SETS),
+    }
+
+    def _check(self) -> None:
+        choose("dynamics", self.dynamics, ("dynamic", "kinematic"))
+        choose("tyre", self.tyre, ("linear", "magic_formula"))
+        require("friction", self.friction, "", above=0.0, at_most=2.0)
+        require("preview", self.preview, "samples", at_least=0, at_most=1000, whole=True)
+        require("preview_interval", self.preview_interval, "s", above=0.0)
+        super()._check()
+
+    @property
+    def model(self) -> int:
+        """The kernel's number of the vehicle model."""
+        return _MODELS[self.dynamics, self.tyre]
+
+    @property
+    def measured(self) -> tuple[Measured, ...]:
+        """The channels that come from sensors, in the order of the observation."""
+        return tuple(Measured(name, at.LATERAL + k) for k, name in enumerate(MEASURED_CHANNELS))
+
+    def _channels(self) -> list[Channel]:
+        channels = [
+            Channel("lateral_error", "m", -20.0, 20.0, "centre of gravity left of the lane's centre"),
+            Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the road's, left positive"),
+            Channel("yaw_rate", "rad/s", -4.0, 4.0, "left positive"),
+            Channel("speed", "m/s", 0.0, 100.0, "present speed"),
+            *steering_channels(),
+        ]
+        for k in range(self.preview):
+            ahead = f"{k * self.preview_interval:g} s ahead" if k else "at the car"
+            channels.append(Channel(f"curvature_preview_{k}", "1/m", -1.0, 1.0, f"of the road {ahead}, left positive"))
+        if self.observation == "full":
+            channels += [
+                Channel("sideslip", "rad", -math.pi, math.pi, "course minus heading"),
+                Channel("curvature", "1/m", -1.0, 1.0, "of the road at the car, left positive"),
+                Channel("lateral_acceleration", "m/s²", -50.0, 50.0, "of the centre of gravity, left positive"),
+            ]
+        return channels
+
+
+@dataclass(frozen=True)
+class RoadWorksScenario(LaneKeepScenario):
+    """`lanekeep/RoadWorks-v0`: lane keeping in a narrow lane whose centre shifts sideways, at 80 km/h.
+
+    The car departs when its body touches the lane's edge, so what is left is (lane_width - car width) / 2.
+    """
+
+    road: RoadSpec = field(default_factory=RoadWorksRoads)
+    speed: SpeedSpec = field(default_factory=lambda: LimitedSpeed(maximum=80.0 / 3.6))
+    start_lateral_error: float = 0.15
+    start_course_error: float = math.radians(1.0)
+    lane_width: float = 2.75
+    reference_lateral_error: float = 0.15
+
+    def _check(self) -> None:
+        require("lane_width", self.lane_width, "m (the car's width)", above=self.vehicle.width)
+        super()._check()
+
+    @property
+    def departure_limit(self) -> float:
+        """Lateral error at which the body touches the lane's edge, m."""
+        return (self.lane_width - self.vehicle.width) / 2
