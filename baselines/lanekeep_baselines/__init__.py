@@ -33,9 +33,19 @@ _POLICIES = {
 }
 
 
-def names() -> tuple[str, ...]:
-    """Return the names that `make` knows."""
-    return tuple(_POLICIES)
+def names(scenario: Scenario | None = None) -> tuple[str, ...]:
+    """Return the names that `make` knows, or those of them that can drive ``scenario``."""
+    if scenario is None:
+        return tuple(_POLICIES)
+    return tuple(name for name in _POLICIES if _drives(name, scenario))
+
+
+def _drives(name: str, scenario: Scenario) -> bool:
+    try:
+        make(name, scenario)
+    except ValueError:
+        return False
+    return True
 
 
 def make(name: str, scenario: Scenario) -> Policy:

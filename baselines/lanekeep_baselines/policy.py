@@ -76,7 +76,7 @@ class SteeringPolicy:
 
     name: ClassVar[str]
     needs: ClassVar[tuple[str, ...]]
-    memory: ClassVar[int] = 0
+    memory: int = 0
 
     def __init__(self, scenario: Scenario) -> None:
         rate_mode = scenario.action == "steering_rate"

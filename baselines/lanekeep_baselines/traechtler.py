@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats, Scenario, SteeringPolicy
 from lanekeep_baselines.traechtler_model import CameraModel
+from lanekeep_env.sensing.faults import Sensors
 
 #: Time constant of the D part's filter, s; far below that of the closed loop, (l + f)/v.
 FILTER = 0.1
@@ -34,6 +35,8 @@ class CameraScenario(Scenario, Protocol):
     def set_distance(self) -> float: ...
     @property
     def plan_spacing(self) -> float: ...
+    @property
+    def sensors(self) -> Sensors: ...
 
 
 class TraechtlerPd(SteeringPolicy):
@@ -45,7 +48,7 @@ class TraechtlerPd(SteeringPolicy):
     """
 
     name = "traechtler-pd"
-    needs = ("edge_distance", "edge_valid", "speed")
+    needs: ClassVar[tuple[str, ...]] = ("edge_distance", "edge_valid", "speed")
     memory = 2  # filtered deviation, whether the edge was in sight
     #: Share of K2 and K3 that is left out at `full_speed` and above, in proportion to the speed below.
     lowering: ClassVar[float] = 0.0

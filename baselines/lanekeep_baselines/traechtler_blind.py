@@ -67,7 +67,8 @@ class TraechtlerBlind(Planned):
         seen = self._side * (at["edge_distance"] - self._set_distance)
         steer = at["steering_angle"]
         # Where the model is now, if it went on from the last step.
-        e, heading, angle = model.advance(*memory.T[:5], v, self._step)
+        e, heading, angle, command, plan = memory.T[:5]
+        e, heading, angle = model.advance(e, heading, angle, command, plan, v, self._step)
         e, heading, angle = (
             np.where(fresh, new, old) for new, old in ((seen, e), (0.0 * seen, heading), (steer, angle))
         )
@@ -89,7 +90,7 @@ class TraechtlerBlind(Planned):
 
 
 class TraechtlerInverse(Planned):
-    """`traechtler-inverse`: the exact inverse of the van, and PD on a deviation that is known where no edge is in sight.
+    """`traechtler-inverse`: the exact inverse of the van, and PD on a deviation that is known in sight and blind.
 
     An extension of the source. Feedforward: delta = atan(l kappa) keeps the rear axle on a path of curvature kappa
     exactly. Feedback: the source's PD on the deviation of the look-ahead point, but on the part of it that the planned
@@ -119,7 +120,7 @@ class TraechtlerInverse(Planned):
         self._period = float(period)
         self._new = "edge_distance_new" if "edge_distance_new" in self._order else None
         # Lateral and heading error, angle, speed and curvature of the last step, validity; expected deviations.
-        self.memory = 6 + int(delay)  # type: ignore[misc]
+        self.memory = 6 + int(delay)
 
     def answer_time(self, step: Floats) -> Floats:
         """Return the mean delay (s) of the actuator's answer to a step of ``step`` rad, (n,)."""

@@ -70,7 +70,7 @@ class CameraLaneScenario(RoadScenario):
 
     vehicle: VehicleParameters = VEHICLES["van"]
     road: RoadSpec = field(default_factory=YardRoads)
-    speed: SetSpeeds = field(default_factory=SetSpeeds)  # type: ignore[assignment]
+    speed: SetSpeeds = field(default_factory=SetSpeeds)
     max_steering_angle: float = 0.6
     max_steering_rate: float = math.radians(20.0)
     start_lateral_error: float = 0.3
@@ -157,7 +157,7 @@ class TurnOffScenario(CameraLaneScenario):
     """`lanekeep/TurnOff-v0`: a left curve, a straight, and a turn off the road without a visible edge."""
 
     road: RoadSpec = field(default_factory=TurnOffRoads)
-    speed: SetSpeeds = field(  # type: ignore[assignment]
+    speed: SetSpeeds = field(
         default_factory=lambda: SetSpeeds(minimum=2.0, hold=None, standstill=0.0, lateral_acceleration=None)
     )
     start_lateral_error: float = 0.1
