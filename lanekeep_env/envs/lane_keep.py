@@ -163,16 +163,7 @@ class LaneKeepEnv(gym.Env[np.ndarray, np.ndarray]):
         core = self._core
         self._seen, self._truth = self._observation[0], self._outcome[:, 0]
         if core.seeded:
-            state = (
-                core.lanes,
-                core.counters,
-                core.road,
-                core.roads,
-                core.settings,
-                core.sensors,
-                core.gear,
-                core.camera,
-            )
+            state = (core.lanes, core.counters, core.road, core.roads, core.settings, core.equipment)
             self._arguments = (0, 1, *state, self._action, self._observation, self._outcome)
             self._step = core.step
 

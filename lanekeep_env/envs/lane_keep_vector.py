@@ -158,7 +158,7 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         observation = np.empty((n, channels), dtype=np.float32)
         rows = 2 * at.OUTCOME_ROWS + channels if self._same_step else at.OUTCOME_ROWS
         outcome = np.empty((rows, n), dtype=core.dtype)
-        state = (core.lanes, core.counters, core.road, core.roads, core.settings, core.sensors, core.gear, core.camera)
+        state = (core.lanes, core.counters, core.road, core.roads, core.settings, core.equipment)
         arguments = (0, len(core.lanes), *state, given, observation, outcome)
         if self._threads == 1:
             core.step(*arguments)

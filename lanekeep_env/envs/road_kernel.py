@@ -280,14 +280,14 @@ def _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, 
 
 
 # One control step of the blocks ``begin`` to ``end``; one kernel a vehicle model, so that a process
-# compiles only what it uses. numba's cache wants kernels spelled out. ``sensors`` is None where they are perfect,
-# ``gear`` without backlash, ``camera`` where there is none: what a scenario lacks is then no part of the kernel.
+# compiles only what it uses. numba's cache wants kernels spelled out. ``equipment`` is (sensors, gear, camera), each
+# None where the scenario has none: what it lacks is then no part of the kernel. (One tuple, since numba takes a
+# tenth of a microsecond to tell the type of a None.)
 
 
 @kernel()
-def step_kinematic(
-    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
-):
+def step_kinematic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
+    sensors, gear, camera = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_kinematic(lanes[k], _acting(substep, lanes[k], settings), settings, gear)
@@ -297,9 +297,8 @@ def step_kinematic(
 
 
 @kernel()
-def step_linear(
-    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
-):
+def step_linear(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
+    sensors, gear, camera = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_linear(lanes[k], _acting(substep, lanes[k], settings), settings, gear)
@@ -309,7 +308,8 @@ def step_linear(
 
 
 @kernel()
-def step_magic(begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome):
+def step_magic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
+    sensors, gear, camera = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_magic_formula(lanes[k], _acting(substep, lanes[k], settings), settings, gear)
@@ -319,9 +319,8 @@ def step_magic(begin, end, lanes, counters, road, roads, settings, sensors, gear
 
 
 @kernel()
-def step_front_driven(
-    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
-):
+def step_front_driven(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
+    sensors, gear, camera = equipment
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, action)):
@@ -333,42 +332,30 @@ def step_front_driven(
 
 @kernel(parallel=True)
 def step_kinematic_parallel(
-    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
+    begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome
 ):
     for k in prange(begin, end):
-        step_kinematic(
-            k, k + 1, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
-        )
+        step_kinematic(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
 
 
 @kernel(parallel=True)
-def step_linear_parallel(
-    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
-):
+def step_linear_parallel(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
     for k in prange(begin, end):
-        step_linear(
-            k, k + 1, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
-        )
+        step_linear(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
 
 
 @kernel(parallel=True)
-def step_magic_parallel(
-    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
-):
+def step_magic_parallel(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
     for k in prange(begin, end):
-        step_magic(
-            k, k + 1, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
-        )
+        step_magic(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
 
 
 @kernel(parallel=True)
 def step_front_driven_parallel(
-    begin, end, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
+    begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome
 ):
     for k in prange(begin, end):
-        step_front_driven(
-            k, k + 1, lanes, counters, road, roads, settings, sensors, gear, camera, action, observation, outcome
-        )
+        step_front_driven(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
 
 
 #: Kernel of one control step by vehicle model, on one thread and on several.
@@ -387,9 +374,10 @@ STEP_PARALLEL = {
 
 
 @kernel()
-def reset(mask, start, lanes, counters, road, roads, settings, sensors, camera, observation, outcome):
+def reset(mask, start, lanes, counters, road, roads, settings, equipment, observation, outcome):
     """Start the next episode where ``mask`` is set; ``start`` (4, n) fixes what is not NaN."""
     size = lanes.shape[2]
+    sensors, _, camera = equipment
     for k in range(mask.shape[0]):
         if mask[k]:
             first = k // size * size

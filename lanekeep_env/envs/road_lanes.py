@@ -127,7 +127,7 @@ class RoadLanes:
         self.road, self.roads = road_tables(
             s.road, s.speed, s.road.fingerprint(), s.episode_steps * s.control_step, self.dtype
         )
-        self.camera = self._camera()
+        self.equipment = self.sensors, self.gear, self._camera()
         model = int(self.settings[at.MODEL])
         self.step = road_kernel.STEP[model]
         self.step_parallel = road_kernel.STEP_PARALLEL[model]
@@ -245,8 +245,7 @@ class RoadLanes:
             self.road,
             self.roads,
             self.settings,
-            self.sensors,
-            self.camera,
+            self.equipment,
             observation,
             outcome,
         )
@@ -285,7 +284,7 @@ class RoadLanes:
         block, i = divmod(lane, self.lanes.shape[2])
         car = self.lanes[block, :, i].tolist()
         road, _ = self.road_set()[int(self.counters[at.ROAD, lane])]
-        edge = car[at.EDGE] if self.camera is not None else None
+        edge = car[at.EDGE] if self.equipment[2] is not None else None
         return Pose(
             road=road,
             s=car[at.STATION] + car[at.ALONG],
@@ -299,7 +298,9 @@ class RoadLanes:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k not in ("road", "roads", "camera", "step", "step_parallel")}
+        return {
+            k: v for k, v in self.__dict__.items() if k not in ("road", "roads", "equipment", "step", "step_parallel")
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
