@@ -28,13 +28,11 @@ class NamedChannel(Protocol):
 class Scenario(Protocol):
     """What a controller may know: nominal vehicle, channels, control step and the scale of the actions.
 
-    `lanekeep_env.scenario.LaneKeepScenario` is one; units and meanings are told there.
+    `lanekeep_env.scenario.RoadScenario` is one; units and meanings are told there.
     """
 
     @property
     def vehicle(self) -> VehicleParameters: ...
-    @property
-    def dynamics(self) -> str: ...
     @property
     def channels(self) -> Sequence[NamedChannel]: ...
     @property
@@ -45,6 +43,13 @@ class Scenario(Protocol):
     def max_steering_angle(self) -> float: ...
     @property
     def max_steering_rate(self) -> float: ...
+
+
+class LaneScenario(Scenario, Protocol):
+    """What a controller of lane keeping may know besides."""
+
+    @property
+    def dynamics(self) -> str: ...
     @property
     def preview_interval(self) -> float: ...
 

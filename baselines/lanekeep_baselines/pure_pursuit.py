@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.policy import Floats, Scenario, SteeringPolicy
+from lanekeep_baselines.policy import Floats, LaneScenario, SteeringPolicy
 
 
 class PurePursuit(SteeringPolicy):
@@ -33,7 +33,7 @@ class PurePursuit(SteeringPolicy):
     #: m
     shortest_lookahead: ClassVar[float] = 5.0
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: LaneScenario) -> None:
         super().__init__(scenario)
         self._wheelbase, self._to_rear = scenario.vehicle.wheelbase, scenario.vehicle.cg_to_rear_axle
         self._interval = scenario.preview_interval
@@ -97,7 +97,7 @@ class PurePursuitUndersteer(PurePursuit):
     name = "pure-pursuit-understeer"
     lookahead_time = 1.0
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: LaneScenario) -> None:
         super().__init__(scenario)
         car = scenario.vehicle
         slips = scenario.dynamics != "kinematic"

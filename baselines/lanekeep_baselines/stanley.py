@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.policy import Floats, Scenario, SteeringPolicy
+from lanekeep_baselines.policy import Floats, LaneScenario, SteeringPolicy
 
 
 class Stanley(SteeringPolicy):
@@ -38,7 +38,7 @@ class Stanley(SteeringPolicy):
     #: with it, 0.05 without).
     yaw_damping: ClassVar[float] = 0.1
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: LaneScenario) -> None:
         super().__init__(scenario)
         car = scenario.vehicle
         slips = scenario.dynamics != "kinematic"

@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.policy import Floats, Scenario, SteeringPolicy
+from lanekeep_baselines.policy import Floats, LaneScenario, SteeringPolicy
 from lanekeep_baselines.table import Table, weighted_sum
 from lanekeep_baselines.yin_design import (
     SCHEDULE,
@@ -32,7 +32,7 @@ class _YinPolicy(SteeringPolicy):
 
     needs: ClassVar[tuple[str, ...]] = ("lateral_error", "heading_error", "yaw_rate", "speed", "steering_angle")
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: LaneScenario) -> None:
         super().__init__(scenario)
         self._model = YinModel.of(scenario.vehicle, STEERING_RATIO, slip=scenario.dynamics != "kinematic")
         self._gains = Table(SCHEDULE, np.stack([control_gains(self._model, speed) for speed in SCHEDULE]))
@@ -75,7 +75,7 @@ class _YinObserverPolicy(_YinPolicy):
         """Return Q_o and R_o for a design speed in m/s."""
         raise NotImplementedError
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: LaneScenario) -> None:
         super().__init__(scenario)
         self._observer = Observer(self._model, self.weights, scenario.control_step)
 
@@ -132,7 +132,7 @@ class YinLqrFeedforward(_YinPolicy):
     name = "yin-lqr-feedforward"
     needs = (*_YinPolicy.needs, "curvature_preview_0")
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: LaneScenario) -> None:
         super().__init__(scenario)
         self._sideslip, self._steering = self._model.steady_curve()
         samples = sum(channel.startswith("curvature_preview_") for channel in self._order)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,8 @@ from lanekeep_benchmarks.report import markdown, summarise
 from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder, default_folder
 from lanekeep_benchmarks.run_record import RunRecord, code_hash
 from lanekeep_benchmarks.suites import Suite, road_suite, suite_named
-from lanekeep_env import LaneKeepScenario
 from lanekeep_env.checks import nearest, require
+from lanekeep_env.scenario import RoadScenario
 
 
 @dataclass
@@ -33,7 +33,7 @@ class Plan:
     results: list[EpisodeResult] = field(default_factory=list)
     _made: dict[tuple[str, str], Policy] = field(default_factory=dict)
 
-    def policy(self, name: str, definition: LaneKeepScenario) -> Policy:
+    def policy(self, name: str, definition: RoadScenario) -> Policy:
         """Return the policy designed for that definition; policies are pure, so one serves the whole run."""
         key = name, definition.hash
         if key not in self._made:
@@ -107,23 +107,31 @@ def make_plan(suite: str | None, policies: str | None, road: Path | None, episod
     if suite is not None and road is not None:
         raise ValueError(f"suite {suite!r} and --road {road} exclude each other; give one of them")
     chosen = suite_named(suite or "classical") if road is None else road_suite(road)
-    names = policy_names(policies)
-    plan = Plan(chosen, names, episodes or chosen.episodes, seed, road)
+    definitions = {}
     for scenario in chosen.scenarios:
         env = make_lanes(scenario, 1)
-        definition = env.unwrapped.scenario
+        definitions[scenario.name] = env.unwrapped.scenario
         env.close()
+    names = policy_names(policies, definitions.values())
+    plan = Plan(chosen, names, episodes or chosen.episodes, seed, road)
+    for scenario in chosen.scenarios:
+        definition = definitions[scenario.name]
         plan.scenario_hash[scenario.name] = scenario.hash(definition.hash)
         for name in names:
             plan.policy(name, definition)
     return plan
 
 
-def policy_names(text: str | None) -> list[str]:
-    """Split a comma-separated list; None means all. Unknown and repeated names are errors."""
+def policy_names(text: str | None, definitions: Iterable[RoadScenario]) -> list[str]:
+    """Split a comma-separated list; None means all that can drive ``definitions``.
+
+    Raises:
+        ValueError: an unknown or a repeated name.
+    """
     known = list(lanekeep_baselines.names())
     if text is None:
-        return known
+        driving = [set(lanekeep_baselines.names(definition)) for definition in definitions]
+        return [name for name in known if all(name in names for names in driving)]
     names = [name.strip() for name in text.split(",") if name.strip()]
     for name in names:
         if name not in known:

@@ -155,7 +155,7 @@ def _progress() -> Progress:
 @app.command(name="play")
 def play_command(
     env_id: Annotated[str, typer.Argument(metavar="ENV", help="A registered id.")] = "lanekeep/LaneKeep-v0",
-    policy: Annotated[str, typer.Option(help="A classical controller.")] = "yin-lqr-feedforward",
+    policy: Annotated[str | None, typer.Option(help="A classical controller; default: one that suits ENV.")] = None,
     gif: Annotated[Path | None, typer.Option(help="File for the pictures; by default one in results/.")] = None,
     human: Annotated[bool, typer.Option("--human", help="Show a window instead of writing a GIF.")] = False,
     road: Annotated[str | None, typer.Option(help="Name of a road or a CSV file.")] = None,
@@ -175,8 +175,10 @@ def play_command(
         if "/" not in env_id:
             env_id = f"lanekeep/{env_id}"
         choose("ENV", env_id, lanekeep_env.ENVIRONMENTS)
-        choose("--policy", policy, lanekeep_baselines.names())
+        if policy is not None:
+            choose("--policy", policy, lanekeep_baselines.names())
         keywords = {} if road is None else {"road": road_from(road)}
+        policy = policy or playing.preferred(env_id, **keywords)
         place = "" if road is None else f"-{Path(road).stem}"
         file = gif or Path("results") / f"{env_id.rpartition('/')[2]}{place}-{policy}-seed{seed}.gif"
         if file.suffix.lower() != ".gif":
@@ -187,7 +189,7 @@ def play_command(
         episode = playing.play(env_id, policy, seed, seconds, None if human else frames.append, **keywords)
         if not human:
             file.parent.mkdir(parents=True, exist_ok=True)
-            playing.write_gif(file, frames)
+            playing.write_gif(file, frames, episode.seconds)
     end = "left its lane" if episode.departed else "stayed in its lane"
     print(
         f"{policy} drove {episode.seconds:.1f} s, RMS lateral error {episode.rms_lateral_error:.3f} m, "

@@ -16,8 +16,6 @@ import lanekeep_baselines
 import lanekeep_env  # noqa: F401
 from lanekeep_benchmarks.results import write_atomic
 
-#: Pictures a second of a GIF; browsers show no more than 50, and 20 keep the file small.
-GIF_RATE = 20.0
 GIF_WIDTH = 640
 
 
@@ -32,6 +30,23 @@ class Episode:
     departed: bool
 
 
+#: What drives an environment unless told otherwise: the first of these that can.
+PREFERRED = ("yin-lqr-feedforward", "traechtler-inverse")
+
+
+def preferred(env_id: str, **keywords: Any) -> str:
+    """Return the name of the controller that drives an environment by default."""
+    able = lanekeep_baselines.names(make(env_id, None, **keywords).unwrapped.scenario)  # type: ignore[attr-defined]
+    return next((name for name in PREFERRED if name in able), able[0])
+
+
+def make(env_id: str, render_mode: str | None, **keywords: Any) -> gym.Env:
+    """Make the environment as it is played: a departure ends nothing, and 1.1 s of road is shown where that exists."""
+    if hasattr(gym.make(env_id).unwrapped.scenario, "preview"):  # type: ignore[attr-defined]
+        keywords = {"preview": 12, **keywords}
+    return gym.make(env_id, render_mode=render_mode, departure="cost", **keywords)
+
+
 def play(
     env_id: str, policy_name: str, seed: int, seconds: float, see: Callable[[np.ndarray], None] | None, **keywords: Any
 ) -> Episode:
@@ -40,9 +55,7 @@ def play(
     Raises:
         ValueError, ImportError, gymnasium.error.Error: a wrong id, policy, option, or a missing extra.
     """
-    env = gym.make(
-        env_id, render_mode="human" if see is None else "rgb_array", departure="cost", preview=12, **keywords
-    )
+    env = make(env_id, "human" if see is None else "rgb_array", **keywords)
     try:
         scenario = env.unwrapped.scenario  # type: ignore[attr-defined]
         policy = lanekeep_baselines.make(policy_name, scenario)
@@ -70,8 +83,8 @@ def play(
     )
 
 
-def write_gif(path: Path, frames: list[np.ndarray]) -> None:
-    """Write frames (height, width, 3) as a looped GIF of `GIF_RATE` pictures a second, atomically."""
+def write_gif(path: Path, frames: list[np.ndarray], seconds: float) -> None:
+    """Write frames (height, width, 3) of a drive of ``seconds`` as a looped GIF, atomically."""
     from PIL import Image
 
     first = Image.fromarray(frames[0])
@@ -88,6 +101,12 @@ def write_gif(path: Path, frames: list[np.ndarray]) -> None:
     pictures = list(shrunk())
     buffer = io.BytesIO()
     pictures[0].save(
-        buffer, "GIF", save_all=True, append_images=pictures[1:], duration=round(1000 / GIF_RATE), loop=0, optimize=True
+        buffer,
+        "GIF",
+        save_all=True,
+        append_images=pictures[1:],
+        duration=round(1000 * seconds / len(frames)),
+        loop=0,
+        optimize=True,
     )
     write_atomic(path, buffer.getvalue())

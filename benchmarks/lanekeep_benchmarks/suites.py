@@ -58,6 +58,8 @@ class Suite:
 _COMMON: dict[str, Any] = {"preview": 12, "departure": "cost"}
 # Not the default set, on which policies are tuned and trained.
 _ROADS: dict[str, Any] = {"kind": "random", "seed": 1}
+_YARD: dict[str, Any] = {"kind": "yard", "seed": 1}
+_CAMERA: dict[str, Any] = {"departure": "cost"}
 
 SUITES: dict[str, Suite] = {
     suite.name: suite
@@ -123,6 +125,43 @@ SUITES: dict[str, Suite] = {
                     "Road works: a lane of 2.75 m that shifts sideways, 80 km/h",
                     {"road": {"kind": "roadworks", "seed": 1}, **_COMMON},
                     env_id="lanekeep/RoadWorks-v0",
+                ),
+            ),
+        ),
+        Suite(
+            name="camera",
+            description="a van guided by a camera, at 0 to 6 m/s, with backlash in its steering",
+            episodes=256,
+            scenarios=(
+                SuiteScenario(
+                    "yard",
+                    "Yard roads, bends of 5 to 100 m radius, 5 m without an edge every 60 m",
+                    {"road": _YARD, **_CAMERA},
+                    env_id="lanekeep/CameraLane-v0",
+                ),
+                SuiteScenario(
+                    "yard-lost-twice",
+                    "The same roads, the edge lost twice as long",
+                    {"road": {**_YARD, "gap_length": 10.0}, **_CAMERA},
+                    env_id="lanekeep/CameraLane-v0",
+                ),
+                SuiteScenario(
+                    "yard-sensors",
+                    "The same roads, a noisy, slow and late camera",
+                    {"road": _YARD, "sensors": "production", **_CAMERA},
+                    env_id="lanekeep/CameraLane-v0",
+                ),
+                SuiteScenario(
+                    "turn-off",
+                    "Turning off blind by 90 degrees, radius 9.5 to 21.5 m, 2 to 6 m/s",
+                    {"road": {"kind": "turn-off", "seed": 1}, **_CAMERA},
+                    env_id="lanekeep/TurnOff-v0",
+                ),
+                SuiteScenario(
+                    "turn-off-lost-twice",
+                    "The same turns, the edge lost twice as long",
+                    {"road": {"kind": "turn-off", "seed": 1, "lost": 2.0}, **_CAMERA},
+                    env_id="lanekeep/TurnOff-v0",
                 ),
             ),
         ),

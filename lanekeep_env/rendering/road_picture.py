@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from lanekeep_env.roads import Road
-from lanekeep_env.scenario import RoadScenario
+from lanekeep_env.scenario import CameraLaneScenario, RoadScenario
 
 WIDTH, HEIGHT = 800, 460
 #: Drawn at twice the size and scaled down, which smooths all edges.
 SCALE = 2
 VIEW_HEIGHT = 300
-METRES_AHEAD, METRES_BEHIND = 78.0, 22.0
+#: Share of the view that is ahead of the car.
+SHARE_AHEAD = 0.78
 #: Seconds of the error's trace.
 TRACE_SECONDS = 15.0
 
@@ -60,7 +61,8 @@ class RoadPicture:
         self._scenario = scenario
         self._sheet = pygame.Surface((WIDTH * SCALE, HEIGHT * SCALE))
         self._fonts = {size: pygame.font.Font(None, size * SCALE) for size in (18, 24, 34)}
-        self._pixels = WIDTH / (METRES_AHEAD + METRES_BEHIND) * SCALE
+        self._ahead, self._behind = SHARE_AHEAD * scenario.view, (1.0 - SHARE_AHEAD) * scenario.view
+        self._pixels = WIDTH / scenario.view * SCALE
         self.forget()
 
     def forget(self) -> None:
@@ -92,17 +94,24 @@ class RoadPicture:
 
         def screen(points: np.ndarray) -> list[tuple[float, float]]:
             there = (np.atleast_2d(points) - centre) @ turn.T * self._pixels
-            x = there[:, 0] + METRES_BEHIND * self._pixels
+            x = there[:, 0] + self._behind * self._pixels
             y = VIEW_HEIGHT * SCALE / 2 - there[:, 1]
             return list(zip(x.tolist(), y.tolist(), strict=True))
 
-        first = pose.s - METRES_BEHIND - 8.0
-        s = np.arange(first if pose.road.closed else max(first, 0.0), pose.s + METRES_AHEAD + 8.0, 1.0)
+        first = pose.s - self._behind - 8.0
+        s = np.arange(
+            first if pose.road.closed else max(first, 0.0), pose.s + self._ahead + 8.0, self._scenario.view / 100
+        )
         half = self._scenario.lane_width / 2
         left, right = pose.road.position(s, half), pose.road.position(s, -half)
         pg.draw.polygon(sheet, _ASPHALT, screen(np.vstack([left, right[::-1]])))
+        marked = pose.road.is_marked(s)
+        runs = np.split(np.arange(len(s)), np.flatnonzero(np.diff(marked)) + 1)
         for side in (left, right):
-            pg.draw.lines(sheet, _EDGE, False, screen(side), 3 * SCALE)
+            edge = screen(side)
+            for run in runs:
+                if marked[run[0]] and len(run) > 1:
+                    pg.draw.lines(sheet, _EDGE, False, edge[run[0] : run[-1] + 1], 3 * SCALE)
         dash = np.floor(s / 3.0) % 2 == 0
         middle = np.array(screen(pose.road.position(s)))
         for a, b, drawn in zip(middle[:-1], middle[1:], dash, strict=False):
@@ -111,6 +120,8 @@ class RoadPicture:
         if len(self._driven) > 1:
             pg.draw.lines(sheet, _PATH, False, screen(np.array(self._driven)), 2 * SCALE)
         self._car(pose, screen)
+        if isinstance(self._scenario, CameraLaneScenario):
+            self._camera(pose, self._scenario, screen)
         sheet.set_clip(None)
 
     def _car(self, pose: Pose, screen: Any) -> None:
@@ -120,12 +131,13 @@ class RoadPicture:
         axes = np.array([[math.cos(heading), math.sin(heading)], [-math.sin(heading), math.cos(heading)]])
         half_width = car.width / 2
         overhang = (car.length - car.wheelbase) / 2
-        front, rear = car.cg_to_front_axle + overhang, -car.cg_to_rear_axle - overhang
+        to_front, to_rear = self._scenario.axles
+        front, rear = to_front + overhang, -to_rear - overhang
 
         def body(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
             return screen(where + np.array(points) @ axes)
 
-        for axle, angle in ((car.cg_to_front_axle, pose.steer), (-car.cg_to_rear_axle, 0.0)):
+        for axle, angle in ((to_front, pose.steer), (-to_rear, 0.0)):
             along = 0.45 * np.array([math.cos(angle), math.sin(angle)])
             for side in (half_width, -half_width):
                 hub = np.array([axle, side * 0.92])
@@ -135,8 +147,32 @@ class RoadPicture:
         outline = [(front, 0.6 * w), (front - 0.5, w), (rear + 0.3, w), (rear, 0.75 * w)]
         outline += [(x, -y) for x, y in reversed(outline)]
         pg.draw.polygon(self._sheet, _ALARM if pose.departed else _CAR, body(outline))
-        glass = [(0.9, 0.8 * w), (0.3, 0.7 * w), (0.3, -0.7 * w), (0.9, -0.8 * w)]
+        screen_at = to_front - 0.4  # foot of the windscreen
+        glass = [
+            (screen_at, 0.8 * w),
+            (screen_at - 0.6, 0.7 * w),
+            (screen_at - 0.6, -0.7 * w),
+            (screen_at, -0.8 * w),
+        ]
         pg.draw.polygon(self._sheet, _GLASS, body(glass))
+
+    def _camera(self, pose: Pose, scenario: CameraLaneScenario, screen: Any) -> None:
+        """Draw the look-ahead point, and the line from there to the edge where the camera sees it."""
+        pg, sheet = self._pg, self._sheet
+        heading = float(pose.road.heading(pose.s)) + pose.theta
+        along, left = (
+            np.array([math.cos(heading), math.sin(heading)]),
+            np.array([-math.sin(heading), math.cos(heading)]),
+        )
+        point = pose.road.position(pose.s, pose.d) + scenario.reach * along
+        seen = pose.edge is not None
+        (there,) = screen(point)
+        if pose.edge is not None:
+            side = left if scenario.camera.edge == "left" else -left
+            (edge,) = screen(point + pose.edge * side)
+            pg.draw.line(sheet, _PATH, there, edge, 2 * SCALE)
+            pg.draw.circle(sheet, _PATH, edge, 4 * SCALE)
+        pg.draw.circle(sheet, _PATH if seen else _ALARM, there, 4 * SCALE, 0 if seen else 2 * SCALE)
 
     def _plot(self, pose: Pose) -> None:
         pg, sheet = self._pg, self._sheet
@@ -177,6 +213,8 @@ class RoadPicture:
         self._text(f"{3.6 * pose.speed:.0f} km/h", 34, _INK, (x, y), "topleft")
         self._text(f"error {pose.d:+.2f} m", 24, _INK, (x, y + 40 * SCALE), "topleft")
         self._text(f"time {pose.time:.1f} s", 24, _INK, (x, y + 66 * SCALE), "topleft")
+        if pose.edge is None and isinstance(self._scenario, CameraLaneScenario):
+            self._text("no edge", 24, _ALARM, (x, y + 92 * SCALE), "topleft")
         if pose.departed:
             self._text("left its lane", 24, _ALARM, (x, y + 92 * SCALE), "topleft")
 

@@ -102,6 +102,13 @@ class Road:
         normal = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
         return self.points[index] + chord + np.asarray(lateral, dtype=np.float64)[..., None] * normal
 
+    def is_marked(self, s: ArrayLike) -> NDArray[np.bool_]:
+        """Whether a camera can see the edges at arc length ``s`` (m); beyond the end of an open road it can."""
+        index, _, _ = self._locate(s)
+        if self.marked is None:
+            return np.ones(np.shape(index), dtype=np.bool_)
+        return np.append(self.marked, True)[index]
+
     @cached_property
     def _extended(self) -> tuple[Floats, Floats]:
         """Start curvature and slope of the segments, with one more that goes on beyond the end."""
