@@ -54,7 +54,7 @@ def _read_pgm(data: bytes, name: str) -> Floats:
     if header[1] == b"P5":
         size = 1 if largest < 256 else 2
         if len(rest) < count * size:
-            need = f"{width} x {height} cells need {count * size}"
+            need = f"{width} x {height} cells need {count * size} bytes"
             raise ValueError(f"{name} is cut off: {len(rest)} bytes of data, {need}")
         values = np.frombuffer(rest, dtype=">u2" if size == 2 else np.uint8, count=count)
     else:

@@ -3,7 +3,7 @@
 A beam leaves the sensor in the direction d. A wall from a to b (relative to the sensor, b to the left of a,
 k = a x b > 0) is hit where a x d >= 0 and b x d <= 0, and the inverse of the range is (a x d - b x d) / k: no
 division for a beam. Each wall is tried only on the beams that its two bearings enclose, a run of
-neighbours in the table; SIMD works along the run. Two walls that share a corner compute the same sign
+neighbours in the table, taken in whole blocks. Two walls that share a corner compute the same sign
 there, so no beam slips between them.
 """
 
@@ -21,12 +21,18 @@ from lanekeep_env.physics.numeric import arctan, like
 AX, AY, BX, BY, INVERSE, FIRST, LAST = range(7)
 SCRATCH_ROWS = 7
 
+#: Beams of a block; tables are padded to whole blocks.
+BLOCK = 16
+
 # A wall is edge-on when its line passes the sensor closer than this many roundings of the coordinates.
 _EDGE_ON = 64.0
 
 
 def beam_table(count: int, step: float, dtype: DTypeLike = np.float64) -> NDArray:
-    """Cosine and sine of ``count`` beams, ``step`` rad apart (to the left), from the first one: (2, count).
+    """Cosine and sine of ``count`` beams, ``step`` rad apart (to the left), from the first one.
+
+    Returns:
+        (2, m), where m is ``count`` rounded up to whole blocks; the beams beyond ``count`` are copies of the last.
 
     Raises:
         ValueError: no beam, or a fan of a full turn or more.
@@ -36,7 +42,7 @@ def beam_table(count: int, step: float, dtype: DTypeLike = np.float64) -> NDArra
             f"{count} beams {step} rad apart are not allowed: at least 1 beam, a step > 0 rad, "
             "and less than a full turn from the first to the last"
         )
-    angles = step * np.arange(count)
+    angles = step * np.minimum(np.arange(-(-count // BLOCK) * BLOCK), count - 1)
     return np.array([np.cos(angles), np.sin(angles)], dtype=dtype)
 
 
@@ -88,22 +94,24 @@ def _face(x, y, cosine, sine, step, count, walls, first, last, scratch):
 
 
 @helper
-def _try(wall, begin, end, beams, scratch, ranges):
-    """Keep the larger inverse range of beams begin..end-1 and one wall."""
+def _try(wall, begin, end, beams, scratch, fan):
+    """Keep the larger inverse range of one wall and the beams of the blocks that hold begin..end-1."""
     ax, ay, bx, by = scratch[AX, wall], scratch[AY, wall], scratch[BX, wall], scratch[BY, wall]
     inverse = scratch[INVERSE, wall]
-    cosine_, sine_, ranges_ = beams[0, begin:end], beams[1, begin:end], ranges[begin:end]
     zero = like(ax, 0.0)
-    for i in range(end - begin):
-        after = ax * sine_[i] - ay * cosine_[i]
-        before = bx * sine_[i] - by * cosine_[i]
-        value = (after - before) * inverse
-        hit = (after >= zero) & (before <= zero) & (value > ranges_[i])
-        ranges_[i] = value if hit else ranges_[i]
+    for block in range(begin // BLOCK * BLOCK, end, BLOCK):
+        cosine_, sine_ = beams[0, block : block + BLOCK], beams[1, block : block + BLOCK]
+        fan_ = fan[block : block + BLOCK]
+        for i in range(BLOCK):
+            after = ax * sine_[i] - ay * cosine_[i]
+            before = bx * sine_[i] - by * cosine_[i]
+            value = (after - before) * inverse
+            hit = (after >= zero) & (before <= zero) & (value > fan_[i])
+            fan_[i] = value if hit else fan_[i]
 
 
 @helper
-def cast(x, y, cosine, sine, step, reach, beams, walls, first, last, scratch, ranges):
+def cast(x, y, cosine, sine, step, reach, beams, walls, first, last, scratch, fan, ranges):
     """Write the range of each beam, m; ``reach`` (m, may be inf) where no wall is nearer.
 
     Args:
@@ -114,15 +122,16 @@ def cast(x, y, cosine, sine, step, reach, beams, walls, first, last, scratch, ra
         beams: `beam_table` of that step, (2, m).
         walls: x0, y0, x1, y1 in m, (4, n); walls first..last-1 are seen.
         scratch: (7, at least last - first), overwritten.
-        ranges: (m,), the result.
+        fan: (m,), overwritten.
+        ranges: (count,), the result.
 
     A wall has no thickness: one whose line runs through the sensor to rounding is not seen. All floats
     and arrays have one precision. A pose that is not finite sees nothing.
     """
     count = ranges.shape[0]
     zero, one = like(x, 0.0), like(x, 1.0)
-    for i in range(count):
-        ranges[i] = zero
+    for i in range(beams.shape[1]):
+        fan[i] = zero
     _face(x, y, cosine, sine, step, like(x, count), walls, first, last, scratch)
     turn = like(x, 6.283185307179586) / step
     for wall in range(last - first):
@@ -130,23 +139,23 @@ def cast(x, y, cosine, sine, step, reach, beams, walls, first, last, scratch, ra
         end = scratch[LAST, wall]
         begin = np.int64(scratch[FIRST, wall])
         if begin < count:
-            _try(wall, begin, min(np.int64(end) + 2, count), beams, scratch, ranges)
+            _try(wall, begin, min(np.int64(end) + 2, count), beams, scratch, fan)
         again = np.int64(end - turn) + 2
         if again > 0:
-            _try(wall, 0, min(again, count), beams, scratch, ranges)
+            _try(wall, 0, min(again, count), beams, scratch, fan)
     for i in range(count):
-        reading = one / ranges[i]
+        reading = one / fan[i]
         ranges[i] = reading if reading < reach else reach
 
 
 @kernel()
-def cast_many(poses, first_angle, step, reach, beams, walls, scratch, ranges):
+def cast_many(poses, first_angle, step, reach, beams, walls, scratch, fan, ranges):
     """Scan from many poses (k, 3): x, y (m), heading (rad); ``first_angle`` is that of beam 0 to the heading.
 
-    ``ranges`` is (k, m); the rest is as for `cast`. For tests and tools; environments call `cast`.
+    ``ranges`` is (k, count); the rest is as for `cast`. For tests and tools; environments call `cast`.
     """
     for i in range(poses.shape[0]):
         angle = poses[i, 2] + first_angle
         cosine, sine = np.cos(angle), np.sin(angle)
         n = walls.shape[1]
-        cast(poses[i, 0], poses[i, 1], cosine, sine, step, reach, beams, walls, 0, n, scratch, ranges[i])
+        cast(poses[i, 0], poses[i, 1], cosine, sine, step, reach, beams, walls, 0, n, scratch, fan, ranges[i])
