@@ -26,7 +26,17 @@ _OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "_
 _INTERNAL: dict[str, Any] = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 #: Folders (beside this file) and files whose content decides what a kernel does.
-KERNEL_SOURCES = ("compile.py", "layout.py", "randomness.py", "physics", "sensing", "tasks", "envs")
+KERNEL_SOURCES = (
+    "compile.py",
+    "layout.py",
+    "randomness.py",
+    "physics",
+    "sensing",
+    "tasks",
+    "envs",
+    "walls/contact.py",
+    "walls/raycast.py",
+)
 
 
 def source_hash(package: Path) -> str:

@@ -1,0 +1,106 @@
+"""Worlds by name, by settings or by file."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from lanekeep_env.checks import from_mapping, nearest, require
+from lanekeep_env.walls.generators import Circuit, Corridor, Ell, RandomCircuits, Slalom, WorldRecord
+from lanekeep_env.walls.map_file import read_map, read_settings
+from lanekeep_env.walls.world import World
+
+
+@dataclass(frozen=True)
+class MapFile(WorldRecord):
+    """A map of ROS's map_server (see `read_map`).
+
+    Attributes:
+        path: of the YAML file.
+        x, y, heading: of the start in the map's frame, m, m, rad.
+        unknown_is_wall: whether unknown cells stop a car.
+
+    The record stands for the content of both files when it was made: files that change afterwards are refused.
+    """
+
+    kind: ClassVar[str] = "map"
+    path: str
+    x: float = 0.0
+    y: float = 0.0
+    heading: float = 0.0
+    unknown_is_wall: bool = False
+    _digest: str = field(init=False, repr=False, compare=True, default="")
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.path, str) or not isinstance(self.unknown_is_wall, bool):
+            raise ValueError(
+                f"world map: path={self.path!r} must be a path and unknown_is_wall={self.unknown_is_wall!r} a bool"
+            )
+        for name in ("x", "y", "heading"):
+            require(f"world.{name}", getattr(self, name), "rad" if name == "heading" else "m")
+        super().__post_init__()
+        object.__setattr__(self, "_digest", self._read())
+
+    def _read(self) -> str:
+        digest = hashlib.sha256()
+        for path in (Path(self.path), read_settings(self.path).image):
+            try:
+                digest.update(hashlib.sha256(path.read_bytes()).digest())
+            except OSError as error:
+                raise ValueError(f"map {self.path!r}: {str(path)!r} cannot be read: {error.strerror}") from None
+        return digest.hexdigest()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return kind and fields as JSON-able values."""
+        settings = super().to_dict()
+        del settings["_digest"]
+        return settings
+
+    def fingerprint(self) -> str:
+        """Hash of both files, and the settings without the path."""
+        rest = (self.x, self.y, self.heading, self.unknown_is_wall)
+        return f"map {self._digest} {rest}"
+
+    def build(self) -> tuple[World, ...]:
+        """One world."""
+        if self._read() != self._digest:
+            raise ValueError(f"map {self.path!r} has changed since this scenario was made; make it anew")
+        return (read_map(self.path, (self.x, self.y, self.heading), self.unknown_is_wall),)
+
+
+_RECORDS = (Corridor, Ell, Slalom, Circuit, RandomCircuits, MapFile)
+WORLDS: dict[str, type[WorldRecord]] = {record.kind: record for record in _RECORDS}
+
+
+def world_from(value: str | Mapping[str, Any] | WorldRecord | Path) -> WorldRecord:
+    """Read a world: the name of a generator, the path of a map's YAML file, a mapping with ``kind``, or a record.
+
+    Raises:
+        ValueError: unknown name or setting (the nearest valid one is named), or a value out of range.
+    """
+    if isinstance(value, WorldRecord):
+        return value
+    if isinstance(value, Path) or (isinstance(value, str) and value not in WORLDS and _is_path(value)):
+        return MapFile(str(value))
+    if isinstance(value, str):
+        value = {"kind": value}
+    if not isinstance(value, Mapping):
+        raise ValueError(f"world={value!r} must be a name, a mapping with 'kind', or the path of a map's YAML file")
+    settings = dict(value)
+    kind = settings.pop("kind", None)
+    generators = [name for name in WORLDS if name != MapFile.kind]
+    if kind is None:
+        raise ValueError(f"world={value!r} lacks 'kind'; allowed: {', '.join(WORLDS)}")
+    if not isinstance(kind, str) or kind not in WORLDS or (kind == MapFile.kind and "path" not in settings):
+        raise ValueError(
+            f"world={kind!r} is unknown{nearest(str(kind), generators)}; allowed: {', '.join(generators)}, "
+            f"or the path of a map's YAML file"
+        )
+    return from_mapping(WORLDS[kind], settings, f"world {kind!r}")
+
+
+def _is_path(value: str) -> bool:
+    return "/" in value or "\\" in value or value.endswith((".yaml", ".yml")) or Path(value).is_file()
