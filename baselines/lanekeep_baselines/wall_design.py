@@ -1,8 +1,8 @@
 """Team KnightRiders 2017: the controllers along a wall, as designs; which gains follow from which rule.
 
 Source: Team KnightRiders, report of the seminar with 1:10 cars, 2017, chapter 3 and its appendix (the numbers of the
-equations are theirs). y is the distance of the side sensor from the wall on the right, phi the heading away from it; steering is
-positive away from the wall: all positive to the left, as everywhere here. So nothing changes sign.
+equations are theirs). y is the distance of the side sensor from the wall on the right, phi the heading away from it;
+steering is positive away from the wall. That is positive to the left, as everywhere here: nothing changes sign.
 
 Units: every gain is a number per unit of the angles. The authors' simulation put metres and degrees into the same
 matrices, so that a gain of 88 was 88 degrees per metre on the car and 88 per metre in the design (`wall_simulation`).

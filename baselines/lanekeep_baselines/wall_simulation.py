@@ -25,6 +25,7 @@ from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.wall_cascade import LARGEST_HEADING
 from lanekeep_baselines.wall_control import Cascade, Measured, Pd, Pi, PiState, PublishedCascade, WallControl
 from lanekeep_baselines.wall_design import PD_SENSOR, PD_SPEED, WallCar, misprinted_pd_design, pd_design
+from lanekeep_baselines.wall_estimator import WallFilter, WallNoise
 
 VARIANTS = ("published", "as-driven", "si")
 CONTROLLERS = ("pi", "pi-state", "cascade", "cascade-delayed", "cascade-redesigned", "pd", "pd-misprinted")
@@ -142,6 +143,58 @@ def simulate(
         steering, memory = control.command(measured, goal, memory, step == 0)
         rows.append([step * car.step, distance[0], heading[0] / degrees, steering[0] * unit / degrees])
         distance, after = plant(distance, heading, steering * unit)
+        turned, heading = after - heading, after
+    return Run(*np.array(rows).T)
+
+
+def simulate_estimated(
+    start: tuple[float, float],
+    speed: float,
+    *,
+    car: WallCar | None = None,
+    wanted: float = 1.0,
+    duration: float = 30.0,
+    steering_offset: float = 3.0,
+    yaw_rate_bias: float = 0.05,
+    servo_lag: float = 0.0,
+    noise: WallNoise | None = None,
+    seed: int = 0,
+) -> Run:
+    """Drive the redesigned cascade on the Kalman filter: only side distance and yaw rate are measured, both noisy.
+
+    Args:
+        start: distance in m, heading in degrees; the filter does not know the heading.
+        speed: m/s.
+        car: the report's, unless given.
+        wanted: distance asked for, m.
+        duration: s.
+        steering_offset: degrees.
+        yaw_rate_bias: rad/s.
+        servo_lag: time constant of a servo that neither filter nor cascade know of, s.
+        noise: of the sensors; None for none. The filter has its own.
+        seed: of the noise.
+    """
+    car = WallCar() if car is None else car
+    rng = np.random.default_rng(seed)
+    distance_noise, rate_noise = (0.0, 0.0) if noise is None else (noise.side_distance, noise.yaw_rate)
+    control = Cascade(car, LIMIT * DEGREE, LARGEST_HEADING)
+    estimator = WallFilter(car)
+    plant = kinematic_plant(car, speed, steering_offset * DEGREE)
+    left = 0.0 if servo_lag == 0.0 else float(np.exp(-car.step / servo_lag))
+    distance, heading = np.array([start[0]]), np.array([start[1] * DEGREE])
+    turned, steering, wheel = np.zeros(1), np.zeros(1), np.zeros(1)
+    known, memory = np.zeros((1, estimator.memory)), np.zeros((1, control.memory))
+    speeds, goal = np.array([speed]), np.array([wanted])
+    rows: list[list[float]] = []
+    for step in range(round(duration / car.step)):
+        side = distance / np.cos(heading) + distance_noise * rng.standard_normal(1)
+        rate = turned / car.step + yaw_rate_bias + rate_noise * rng.standard_normal(1)
+        known = estimator.update(known, step == 0, speeds, steering, side, rate)
+        measured = Measured(speeds, known[:, 0], known[:, 1], (rate - known[:, 3]) * car.step)
+        steering, memory = control.command(measured, goal, memory, step == 0)
+        rows.append([step * car.step, distance[0], heading[0] / DEGREE, steering[0] / DEGREE])
+        wheel = steering + left * (wheel - steering)
+        distance, after = plant(distance, heading, wheel)
         turned, heading = after - heading, after
     return Run(*np.array(rows).T)
 
