@@ -96,7 +96,9 @@ def controller(name: str, variant: str, car: WallCar, speed: float, limit: float
         gain = DISTANCE_GAIN[variant] * DISTANCE_GAIN_SPEED / speed
         return PublishedCascade(car, limit, gain, delayed=name == "cascade-delayed")
     if name == "cascade-redesigned":
-        return Cascade(car, limit, LARGEST_HEADING / (1.0 if variant == "si" else DEGREE))
+        if variant != "si":
+            raise ValueError(f"{name!r} is designed in radians: variant 'si', not {variant!r}")
+        return Cascade(car, limit, LARGEST_HEADING)
     return Pd(car, limit, (pd_design if name == "pd" else misprinted_pd_design)(car.step))
 
 
