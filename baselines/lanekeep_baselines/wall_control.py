@@ -141,15 +141,19 @@ class Cascade(WallControl):
 
 
 class Pd(WallControl):
-    """The competition's PD (3.6), for one speed; without an integrator a steering offset leaves an error."""
+    """The competition's PD (3.6), for one speed; without an integrator a steering offset leaves an error.
 
-    def __init__(self, car: WallCar, limit: float, design: PdDesign) -> None:
+    With ``kick`` the error before the start is zero, as in the step response of the transfer function; else it is that
+    at the start.
+    """
+
+    def __init__(self, car: WallCar, limit: float, design: PdDesign, kick: bool = False) -> None:
         super().__init__(car, limit)
-        self._design = design
+        self._design, self._kick = design, kick
 
     def command(
         self, at: Measured, wanted: Floats, memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats]:
         error = wanted - at.distance
-        before = np.where(fresh, error, memory[:, 0])
+        before = np.where(fresh, 0.0 if self._kick else error, memory[:, 0])
         return self._limited(self._design.gain * (error - self._design.zero * before)), error[:, None]

@@ -99,7 +99,8 @@ def controller(name: str, variant: str, car: WallCar, speed: float, limit: float
         if variant != "si":
             raise ValueError(f"{name!r} is designed in radians: variant 'si', not {variant!r}")
         return Cascade(car, limit, LARGEST_HEADING)
-    return Pd(car, limit, (pd_design if name == "pd" else misprinted_pd_design)(car.step))
+    design = (pd_design if name == "pd" else misprinted_pd_design)(car.step)
+    return Pd(car, limit, design, kick=variant == "published")
 
 
 def simulate(

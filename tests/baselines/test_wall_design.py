@@ -259,6 +259,16 @@ def test_peaks_in_radians() -> None:
     assert second.max() > 1.2 * first.max() > 2.0
 
 
+def test_without_a_limit_the_simulation_is_the_step_response_of_the_loop() -> None:
+    steps = np.arange(200) * CAR.step
+    design, car = pi_design(CAR, 0.4), WallCar(sensor=PD_SENSOR)
+    pi = control.zpk([float(design.zero)], [1.0], float(design.gain), CAR.step) * CAR.transfer(0.4)
+    run = simulate("pi", "published", (0.0, 0.0), 0.4, limit=np.inf, duration=9.0)
+    np.testing.assert_allclose(run.distance, control.step_response(control.feedback(pi, 1), steps)[1], atol=1e-5)
+    pd = control.feedback(pd_locus(car, PD_SPEED, misprinted_pd_design()), 1)  # Figure 3.40
+    np.testing.assert_allclose(figure("3.40").distance[:200], control.step_response(pd, steps)[1], atol=1e-5)
+
+
 def test_every_published_figure_ends_at_the_wanted_distance() -> None:
     for number in FIGURES:
         assert figure(number).distance[-1] == pytest.approx(1.0, abs=5e-3), number
