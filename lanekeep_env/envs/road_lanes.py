@@ -87,6 +87,9 @@ class RoadLanes:
         max_steps: control steps after which a lane is truncated; None leaves that to others.
     """
 
+    num_actions = 1
+    outcome_rows = at.OUTCOME_ROWS
+
     def __init__(
         self,
         scenario: RoadScenario,
@@ -219,6 +222,11 @@ class RoadLanes:
             for road, _ in self.road_set()
         ]
         return np.concatenate([[s.reach, offset, s.camera.widest], *marks])
+
+    @property
+    def state(self) -> tuple[Any, ...]:
+        """The kernel's arguments between the blocks and the action."""
+        return self.lanes, self.counters, self.road, self.roads, self.settings, self.equipment
 
     def seed(self, seeds: Sequence[int | None]) -> None:
         """Give lane i the base key of ``seeds[i]``, the first draw of Gymnasium's generator for that seed."""

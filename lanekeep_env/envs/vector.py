@@ -1,0 +1,217 @@
+"""Many lanes of a compiled kernel as a Gymnasium vector environment: what all tasks share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numba
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from lanekeep_env import layout as at
+from lanekeep_env.checks import choose, require
+from lanekeep_env.envs.single import AnyScenario, SingleEnv, check_modes, observation_space
+from lanekeep_env.scenario import Channel
+
+_AUTORESET = {
+    "next_step": (at.NEXT_STEP, AutoresetMode.NEXT_STEP),
+    "same_step": (at.SAME_STEP, AutoresetMode.SAME_STEP),
+    "disabled": (at.NO_AUTORESET, AutoresetMode.DISABLED),
+}
+_OWN_KEYWORDS = ("max_episode_steps", "autoreset_mode", "dtype", "num_threads", "render_mode")
+
+
+class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """Vector form of a `SingleEnv`, whose docstring describes the task; subclasses name what that names.
+
+    Args:
+        num_envs: number of lanes n (cars).
+        max_episode_steps: control steps after which a lane is truncated, if fewer than ``episode_steps``.
+        autoreset_mode: "next_step" (Gymnasium's default), "same_step" or "disabled".
+        dtype: "float64" (lanes equal single environments bitwise) or "float32" (twice as fast).
+        num_threads: threads that share the lanes; 1 by default, since threads cost more than they bring
+            below a few hundred lanes.
+        scenario: every keyword of the scenario.
+
+    ``reset(seed=)`` takes an int (lane i gets seed + i) or one seed a lane; ``options`` are those of the
+    single environment, one number or one a lane, and ``"reset_mask"`` (bool, (n,)) resets some lanes only.
+    """
+
+    scenario_class: type[AnyScenario]
+    lanes_class: Callable[..., Any]
+    picture_class: Callable[..., Any]
+    #: Truth in the infos by name, and its row in the outcome.
+    truth: ClassVar[dict[str, int]] = {
+        "lateral_error": at.O_LATERAL_ERROR,
+        "heading_error": at.O_HEADING_ERROR,
+        "lateral_acceleration": at.O_LATERAL_ACCELERATION,
+        "steering_rate": at.O_STEERING_RATE,
+        "speed": at.O_SPEED,
+        "arc_length": at.O_ARC_LENGTH,
+        "cost": at.O_COST,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        max_episode_steps: int | None = None,
+        autoreset_mode: str = "next_step",
+        dtype: str = "float64",
+        num_threads: int = 1,
+        render_mode: str | None = None,
+        **scenario: Any,
+    ) -> None:
+        require("num_envs", num_envs, "", at_least=1, whole=True)
+        require("num_threads", num_threads, "", at_least=1, at_most=numba.config.NUMBA_NUM_THREADS, whole=True)
+        max_episode_steps = None if max_episode_steps == -1 else max_episode_steps  # as in gym.make
+        require("max_episode_steps", max_episode_steps, "steps", at_least=1, whole=True, optional=True)
+        choose("autoreset_mode", autoreset_mode, _AUTORESET)
+        check_modes(render_mode, dtype)
+        if render_mode == "human":
+            raise ValueError("render_mode='human' is not available for a vector environment; allowed: rgb_array, None")
+        code, mode = _AUTORESET[autoreset_mode]
+        self.metadata = {**SingleEnv.metadata, "autoreset_mode": mode}
+        self.render_mode = render_mode
+        self._pictures: list[Any] = []
+        self.num_envs = num_envs = int(num_envs)
+        self.scenario = self.scenario_class.from_keywords(_OWN_KEYWORDS, **scenario)
+        self.single_observation_space = observation_space(self.scenario)
+        self._core = self.lanes_class(self.scenario, num_envs, dtype, code, max_episode_steps)
+        self.single_action_space = Box(-1.0, 1.0, (self._core.num_actions,), dtype=np.float32)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        # What the lanes that a masked reset leaves alone showed last.
+        self._last = (
+            np.zeros((num_envs, self._core.num_channels), dtype=np.float32),
+            np.zeros((self._core.outcome_rows, num_envs), dtype=dtype),
+        )
+        self._threads = num_threads
+        self._same_step = code == at.SAME_STEP
+        self._masked = code == at.NO_AUTORESET
+        self._everyone = np.ones(num_envs, dtype=np.bool_)
+        self._everyone.flags.writeable = False
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Name, unit, bounds and meaning of each column of the observation."""
+        return self.scenario.channels
+
+    @property
+    def clipped_actions(self) -> np.ndarray:
+        """Actions outside [-1, 1] since the environment was made, one count a lane."""
+        return self._core.counters[at.CLIPPED].copy()
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start an episode in every lane, or in those of ``options["reset_mask"]``."""
+        if not isinstance(options, dict | None):
+            raise ValueError(f"reset options={options!r} must be a mapping")
+        options = dict(options or {})
+        mask = self._mask(options.pop("reset_mask", None))
+        core = self._core
+        if seed is None or isinstance(seed, (int, np.integer)):
+            super().reset(seed=None if seed is None else int(seed))
+            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        else:
+            seeds = [None if s is None else int(s) for s in seed]
+            if len(seeds) != self.num_envs:
+                raise ValueError(f"seed has {len(seeds)} entries; it must be one number or {self.num_envs} of them")
+        if seed is not None or not core.seeded:
+            core.seed([s if chosen else None for s, chosen in zip(seeds, mask, strict=True)])
+        observation, outcome = (array.copy() for array in self._last)
+        core.reset(options, mask, observation, outcome)
+        self._last = (observation.copy(), outcome.copy())
+        return observation, self._infos(outcome, mask)
+
+    def _mask(self, mask: np.ndarray | None) -> np.ndarray:
+        if mask is None:
+            return self._everyone
+        if not isinstance(mask, np.ndarray) or mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
+            raise ValueError(f"options['reset_mask'] must be a bool array of shape ({self.num_envs},), got {mask!r}")
+        if not mask.any():
+            raise ValueError("options['reset_mask'] must select at least one lane")
+        return mask
+
+    def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Advance every lane by one control step; actions (n, number of actions) in [-1, 1]."""
+        core = self._core
+        given = np.asarray(actions, dtype=np.float32)
+        shape = (self.num_envs, core.num_actions)
+        if given.shape != shape:
+            raise ValueError(f"actions have shape {given.shape}; they must have shape {shape}")
+        given = np.ascontiguousarray(given).reshape(-1)
+        if not core.seeded:
+            raise gym.error.ResetNeeded("call reset() before step()")
+        wrong = np.isnan(given)
+        if wrong.any():
+            given = self._without_ignored(given, wrong)
+        n, channels = self.num_envs, core.num_channels
+        observation = np.empty((n, channels), dtype=np.float32)
+        rows = 2 * core.outcome_rows + channels if self._same_step else core.outcome_rows
+        outcome = np.empty((rows, n), dtype=core.dtype)
+        arguments = (0, len(core.lanes), *core.state, given, observation, outcome)
+        if self._threads == 1:
+            core.step(*arguments)
+        else:
+            numba.set_num_threads(self._threads)
+            core.step_parallel(*arguments)
+        # A masked reset shows the other lanes again; where that is the rule they are kept from the caller's hands.
+        self._last = (observation.copy(), outcome.copy()) if self._masked else (observation, outcome)
+        terminated = outcome[at.O_TERMINATED] > 0.0
+        truncated = outcome[at.O_TRUNCATED] > 0.0
+        infos = self._infos(outcome, self._everyone)
+        if self._same_step:
+            infos["termination"] = np.zeros(n, dtype=np.int64)  # of the episodes that just began
+            self._add_final(infos, outcome, terminated | truncated)
+        return observation, outcome[at.O_REWARD], terminated, truncated, infos
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """Return the picture of every lane (render_mode "rgb_array")."""
+        if self.render_mode is None:
+            gym.logger.warn('render() needs a render_mode: gym.make_vec(..., render_mode="rgb_array")')
+            return None
+        if not self._pictures:
+            self._pictures = [self.picture_class(self.scenario) for _ in range(self.num_envs)]
+        return tuple(picture.draw(self._core.pose(lane)) for lane, picture in enumerate(self._pictures))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_pictures": []}
+
+    def _without_ignored(self, given: np.ndarray, wrong: np.ndarray) -> np.ndarray:
+        """Clear NaN actions of lanes that only start anew in this step; any other NaN is an error."""
+        over = self._core.lanes[:, at.DONE].reshape(-1)[: self.num_envs] > 0.0
+        over = np.repeat(over, self._core.num_actions)
+        lanes = np.flatnonzero(wrong & ~over) // self._core.num_actions
+        if len(lanes):
+            raise ValueError(f"action of lane {lanes[0]} is NaN; it must be a number in [-1, 1]")
+        return np.where(wrong, np.float32(0.0), given)
+
+    def _infos(self, outcome: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
+        infos: dict[str, Any] = {}
+        for name, row in self.truth.items():
+            infos[name] = outcome[row]
+            infos["_" + name] = mask
+        infos["is_success"] = outcome[at.O_SUCCESS] > 0.0
+        infos["_is_success"] = mask
+        infos["termination"] = outcome[at.O_TERMINATED].astype(np.int64)
+        infos["_termination"] = mask
+        return infos
+
+    def _add_final(self, infos: dict[str, Any], outcome: np.ndarray, ended: np.ndarray) -> None:
+        """Gymnasium's same-step convention: the last observation and info of the episodes that ended."""
+        if not ended.any():
+            return
+        observations = np.full(self.num_envs, None, dtype=object)
+        rows = self._core.outcome_rows
+        final = outcome[2 * rows :].T.astype(np.float32)
+        for lane in np.flatnonzero(ended):
+            observations[lane] = final[lane]
+        infos["final_obs"], infos["_final_obs"] = observations, ended
+        truth = np.where(ended, outcome[rows : 2 * rows], 0.0)
+        infos["final_info"], infos["_final_info"] = self._infos(truth, ended), ended
