@@ -49,14 +49,27 @@ STEER_GAIN = 35  # share of the remaining way that the motor would go in half a 
 SPEED_TARGET = 36  # m/s
 # The camera:
 EDGE = 37  # distance from the road's edge, m; NaN where none is seen
-LANE_ROWS = 38  # further rows, as many as needed: commands (newest first), then the sensors' rows
+# Walled worlds, where ALONG and LATERAL are x and y, HEADING counts from the x axis, and STATION along the centre line:
+SERVO = 38  # angle that the servo turns the road wheel to, rad
+STEER_OFFSET = 39  # what it adds to that in this episode, rad
+RIGHT = 40  # distance of the walls in the cone of the ultrasonic to the right, m; NaN where it meets none
+LEFT = 41
+FRONT = 42
+WAY = 43  # driven by the wheels, m
+WHEEL_SPEED = 44  # as the encoder tells it, m/s
+TICKS = 45  # of the encoder at the last control step
+PROGRESS = 46  # along the centre line since the start, m
+LAP_BEGAN = 47  # s
+LAP_TIME = 48  # of the last lap, s; 0 before
+CLEARANCE = 49  # distance of the body from the nearest wall, m
+LANE_ROWS = 50  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the lane (a uint64, reinterpreted)
 EPISODE = 1  # number of the episode under that key
-SEGMENT = 2  # row of the present segment in ``road``
+SEGMENT = 2  # row of the present segment in ``road``; of the centre line in a walled world
 CLIPPED = 3  # actions outside [-1, 1] since the environment was made
-ROAD = 4  # index of the road in the set
+ROAD = 4  # index of the road or the world in the set
 COUNTER_ROWS = 5
 
 # road: (segments, columns) float
@@ -109,7 +122,18 @@ SPEED_HIGH = 51
 SPEED_HOLD = 52  # control steps between set speeds, inf for one an episode
 SPEED_CHANGE = 53  # largest change of the speed in a sub-step, m/s
 STANDSTILL = 54  # share of set speeds that are 0
-BOUNDS = 55  # low and high of each channel follow, channel by channel
+# Of walled worlds:
+TASK = 55  # WALL_FOLLOW or CIRCUIT
+SET_DISTANCE = 56  # m
+LARGEST_SPEED = 57  # that action 1 asks for, m/s; 0 where the set speed is drawn
+TICK = 58  # way of the wheel that is one tick of the encoder, m, 0 for a continuous one
+SIGNLESS = 59  # 1 where the encoder does not tell forwards from backwards
+OFFSETS = 60  # low and high of the steering offset, rad
+SIDE_ARM = 62  # the side sensors ahead of the centre of gravity, m
+FRONT_ARM = 63  # the front sensors and the depth camera ahead of it, m
+BODY = 64  # middle of the body ahead of the centre of gravity, half its length, half its width, m
+LAPS = 67  # after which an episode on a circuit is done
+BOUNDS = 68  # low and high of each channel follow, channel by channel
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 FAULTS = 8  # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample
@@ -117,12 +141,39 @@ SOURCE = 8  # row of the lane that holds the truth
 COLUMN = 9  # of the observation
 VALID_COLUMN = 10  # of the flag that says whether the last sample saw anything, -1 for none
 MISSING = 11  # shown until anything was seen
-SENSOR_SIZE = 12
+HOLDS = 12  # 1 where the last sample is held while nothing is seen, 0 where MISSING is shown
+SENSOR_SIZE = 13
 
 # gear: backlash of the steering gear, or None where there is none
 GEAR_HALF_GAP = 0  # rad of the road wheel
 GEAR_ON_MOTOR = 1  # 1 where the loop is closed on the motor's angle, 0 behind the gear
 GEAR_SIZE = 2
+
+# servo: (command quantum, 0 for none; then angles at commands from -max to +max, uniformly spaced), rad of the road
+# wheel, or None where the wheel goes where it is told
+
+# scan: (numbers, beams, scratch, fan, held) or None; numbers in this order:
+SCAN_FIRST = 0  # angle of the first beam from the car's axis, rad
+SCAN_STEP = 1
+SCAN_NEAREST = 2  # m
+SCAN_FARTHEST = 3
+SCAN_NOISE = 4  # standard deviation at 1 m, growing with the square of the range, m
+SCAN_EVERY = 5  # each that many beams one is missing, 0 for none
+SCAN_RIM = 6  # beams missing at either rim
+SCAN_JUMP = 7  # share of the beams beside a depth jump that show something between
+SCAN_PERIOD = 8  # control steps between scans
+SCAN_SIZE = 9
+
+# worlds: walls (4, all), index (worlds, INDEX_SIZE) int64, line (3, all points): x, y and station, starts (3, all)
+I_FIRST = 0  # wall
+I_GLASS = 1  # first glass wall
+I_END = 2  # wall behind the last
+I_LINE = 3  # first point of the centre line
+I_POINTS = 4  # its points; a closed one repeats its first point at the end
+I_CLOSED = 5
+I_START = 6  # first start
+I_STARTS = 7
+INDEX_SIZE = 8
 
 # camera: float64, or None for an environment without; CAMERA_SIZE numbers, then one a road segment: 1 where its
 # edge is marked
@@ -135,6 +186,7 @@ CAMERA_SIZE = 3
 KINEMATIC, LINEAR, MAGIC_FORMULA, FRONT_DRIVEN = 0, 1, 2, 3
 STEERING_ANGLE, STEERING_RATE = 0, 1
 TERMINATE, COST, OFF = 0, 1, 2
+WALL_FOLLOW, CIRCUIT = 0, 1
 NO_AUTORESET, NEXT_STEP, SAME_STEP = 0, 1, 2
 
 # outcome: (rows, n) float. In same-step autoreset OUTCOME_ROWS and as many rows as there are channels follow:
@@ -151,6 +203,14 @@ O_ARC_LENGTH = 8
 O_COST = 9
 O_SUCCESS = 10
 OUTCOME_ROWS = 11
+
+# Of walled worlds, before the repetition of same-step autoreset:
+O_X = 11
+O_Y = 12
+O_DISTANCE = 13  # of the wall on the right, m
+O_CLEARANCE = 14
+O_LAP_TIME = 15
+WALL_OUTCOME_ROWS = 16
 
 # start: (rows, n) float64; NaN means drawn by the episode's key
 START_ROWS = 4  # lateral error, heading error, arc length, road index

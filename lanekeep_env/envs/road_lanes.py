@@ -199,6 +199,7 @@ class RoadLanes:
                 column[measured.name],
                 column[measured.valid] if measured.valid else -1,
                 measured.missing,
+                measured.holds,
             )
             for measured in s.measured
         ]

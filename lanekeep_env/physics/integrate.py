@@ -47,7 +47,7 @@ def _profile_speed(along, speed_squared, slope):
     return np.sqrt(_not_negative(squared))
 
 
-def _named(model: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def _named(model: Callable[..., Any], paced: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Give a closure a name of its own before it is compiled.
 
     Compiled code is linked by qualified name: kernels that different processes cached would otherwise
@@ -55,7 +55,7 @@ def _named(model: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable
     """
 
     def rename(function: Callable[..., Any]) -> Callable[..., Any]:
-        function.__qualname__ = function.__name__ = f"{function.__name__}_{model.__name__}"
+        function.__qualname__ = function.__name__ = f"{function.__name__}_{model.__name__}{'_paced' if paced else ''}"
         return function
 
     return rename
@@ -65,12 +65,12 @@ def integrator(rates: Callable[..., Any], paced: bool = False) -> Callable[..., 
     """Return the compiled loop that advances a block of lanes with a vehicle model of `single_track`."""
 
     @inline
-    @_named(rates)
+    @_named(rates, paced)
     def stage(along, d, theta, beta, r, steer, v, curvature, slope, car):
         return rates(d, theta, beta, r, steer, v, curvature + slope * _not_negative(along), car)
 
     @helper
-    @_named(rates)
+    @_named(rates, paced)
     def advance(lanes, command_row, settings, gear):
         """Advance the lanes of a block by one sub-step, in place; ``command_row`` holds the steering command."""
         along_, d_, theta_ = lanes[at.ALONG], lanes[at.LATERAL], lanes[at.HEADING]
@@ -138,7 +138,7 @@ def shower(outputs: Callable[..., Any], paced: bool = False) -> Callable[..., An
     """Return the compiled loop that writes speed, sideslip, yaw rate and lateral acceleration of lanes."""
 
     @helper
-    @_named(outputs)
+    @_named(outputs, paced)
     def show(lanes):
         """Write the rows SPEED, SIDESLIP, YAW_RATE and ACCELERATION of a block; wrap its headings."""
         along_, speed_, gain_ = lanes[at.ALONG], lanes[at.SPEED_SQUARED], lanes[at.SPEED_SQUARED_SLOPE]
@@ -162,9 +162,13 @@ def shower(outputs: Callable[..., Any], paced: bool = False) -> Callable[..., An
 
 advance_kinematic = integrator(kinematic)
 advance_front_driven = integrator(front_driven, paced=True)
+advance_kinematic_paced = integrator(kinematic, paced=True)
+advance_linear_paced = integrator(dynamic_linear, paced=True)
 advance_linear = integrator(dynamic_linear)
 advance_magic_formula = integrator(dynamic_magic_formula)
 show_kinematic = shower(kinematic_outputs)
 show_front_driven = shower(front_driven_outputs, paced=True)
+show_kinematic_paced = shower(kinematic_outputs, paced=True)
+show_linear_paced = shower(linear_outputs, paced=True)
 show_linear = shower(linear_outputs)
 show_magic_formula = shower(magic_formula_outputs)

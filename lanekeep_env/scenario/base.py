@@ -6,9 +6,9 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -41,72 +41,34 @@ class Measured:
         name: the channel's.
         source: row of the kernel's lanes that holds the truth.
         valid: channel that tells whether the last sample saw anything, None where it always does.
-        missing: value until anything was seen.
+        missing: value until anything was seen ...
+        holds: ... and after that the last one is held; otherwise ``missing`` is shown whenever nothing is seen.
     """
 
     name: str
     source: int
     valid: str | None = None
     missing: float = 0.0
+    holds: bool = True
 
 
 @dataclass(frozen=True)
-class RoadScenario:
-    """A car on a road; every field is a keyword of ``gym.make``. Subclasses add what their task needs.
+class ScenarioRecord:
+    """What scenarios share whatever they are about; subclasses have the other fields, and `_channels`.
 
     Attributes:
-        vehicle: a name (`VEHICLES`), a mapping of changes to a named one (``{"base": "yin", "mass": 2000.0}``)
-            or `VehicleParameters`.
-        road: the name of a generator, a mapping with its settings, or the path of a centre-line CSV file.
-        speed: m/s, or a mapping; see the subclass.
-        action: "steering_angle" (the action is the road-wheel angle asked for) or "steering_rate".
-        max_steering_angle: road-wheel angle that action 1 asks for, rad; also bounds the command in rate mode.
-        max_steering_rate: road-wheel speed that action 1 asks for, rad/s (rate mode).
-        start_lateral_error: the start is drawn within this distance of the lane's centre, m.
-        start_course_error: the course at the start is drawn within this angle of the road's, rad.
-        lane_width: m; the car departs when its reference point is more than half of it off the centre.
-        departure: "terminate" ends the episode, "cost" goes on and charges, "off" ignores departures.
-        reference_lateral_error, cost_weight, reference_steering_rate, cost_cap: m, w, rad/s and 1/s of the
-            running cost min(cap, (d / reference)² + w (road-wheel speed / reference)²).
-        observation: "measured" (what sensors give) or "full" (adds channels of the true state).
-        randomisation: what differs from episode to episode: "nominal", "mismatch", "stress" or a mapping of
-            bounds (see `Randomisation`).
         sensors: faults of the measured channels: None, "production", "poor" or a mapping of channels to
             faults (see `Sensor`).
-        control_step: s, a multiple of 10 ms.
-        episode_steps: control steps of an episode: it is truncated after them, a departure is charged for the
-            rest of them, and open roads are entered that much before their end. ``max_episode_steps`` of
-            ``gym.make`` can only shorten an episode; give both for longer ones.
+        control_step: s, a multiple of the integration step.
     """
 
-    vehicle: VehicleParameters = VEHICLES["yin"]
-    road: RoadSpec = field(default_factory=RandomRoads)
-    speed: SpeedSpec = field(default_factory=LimitedSpeed)
-    action: str = "steering_angle"
-    max_steering_angle: float = 0.15
-    max_steering_rate: float = 0.4
-    start_lateral_error: float = 0.5
-    start_course_error: float = math.radians(2.0)
-    lane_width: float = 3.5
-    departure: str = "terminate"
-    reference_lateral_error: float = 0.5
-    cost_weight: float = 1.0
-    reference_steering_rate: float = 0.1
-    cost_cap: float = 16.0
-    observation: str = "measured"
-    randomisation: Randomisation = field(default_factory=Randomisation)
     sensors: Sensors = ()
     control_step: float = 0.05
-    episode_steps: int = 600
 
+    #: Integration step of the vehicle, s; control steps and delays are multiples of it.
+    integration_step: ClassVar[float] = INTEGRATION_STEP
     #: Fields that may be given by name, number or mapping, and how they are read.
-    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
-        "vehicle": vehicle_from,
-        "road": road_from,
-        "randomisation": randomisation_from,
-    }
-    #: How much road a picture shows, m.
-    view: ClassVar[float] = 100.0
+    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {}
 
     def __post_init__(self) -> None:
         for name, read in self._readers.items():
@@ -115,28 +77,10 @@ class RoadScenario:
         plain_numbers(self)
 
     def _check(self) -> None:
-        choose("action", self.action, ("steering_angle", "steering_rate"))
-        require("max_steering_angle", self.max_steering_angle, "rad", above=0.0, at_most=1.5)
-        require("max_steering_rate", self.max_steering_rate, "rad/s", above=0.0)
-        require("lane_width", self.lane_width, "m", above=0.0)
-        limit = self.departure_limit
-        require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=limit)
-        require("start_course_error", self.start_course_error, "rad", at_least=0.0, at_most=1.0)
-        choose("departure", self.departure, ("terminate", "cost", "off"))
-        require("reference_lateral_error", self.reference_lateral_error, "m", above=0.0)
-        require("cost_weight", self.cost_weight, "", at_least=0.0)
-        require("reference_steering_rate", self.reference_steering_rate, "rad/s", above=0.0)
-        require("cost_cap", self.cost_cap, "1/s", above=0.0)
-        choose("observation", self.observation, ("measured", "full"))
-        require("control_step", self.control_step, "s", above=0.0, at_most=1.0)
-        multiple_of_step("control_step", self.control_step)
-        require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=10_000_000, whole=True)
-        for channel, sensor in self.sensors:
-            sensor.check(channel, self.control_step)
-        multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay)
+        raise NotImplementedError
 
     @classmethod
-    def from_keywords(cls, others: Iterable[str] = (), /, **keywords: Any) -> RoadScenario:
+    def from_keywords(cls, others: Iterable[str] = (), /, **keywords: Any) -> Self:
         """Build a scenario from the keywords of ``gym.make``; ``others`` are further ones that it may name.
 
         Raises:
@@ -149,21 +93,6 @@ class RoadScenario:
                 allowed += others
                 raise TypeError(f"unknown keyword {key!r}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
         return cls(**keywords)
-
-    @property
-    def departure_limit(self) -> float:
-        """Lateral error beyond which the car has left its lane, m."""
-        return self.lane_width / 2
-
-    @property
-    def model(self) -> int:
-        """The kernel's number of the vehicle model."""
-        raise NotImplementedError
-
-    @property
-    def axles(self) -> tuple[float, float]:
-        """Distance of the front and the rear axle from the reference point, whose errors are lateral and heading, m."""
-        return self.vehicle.cg_to_front_axle, self.vehicle.cg_to_rear_axle
 
     @property
     def measured(self) -> tuple[Measured, ...]:
@@ -189,21 +118,119 @@ class RoadScenario:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the scenario as JSON-able values; `from_keywords` reads them back."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        values["vehicle"] = asdict(self.vehicle)
-        values["road"] = self.road.to_dict()
-        values["speed"] = self.speed.to_dict()
-        values["randomisation"] = asdict(self.randomisation)
-        values["sensors"] = sensors_to_dict(self.sensors)
+        values: dict[str, Any] = {}
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if f.name == "sensors":
+                value = sensors_to_dict(value)
+            elif hasattr(value, "to_dict"):
+                value = value.to_dict()
+            elif is_dataclass(value) and not isinstance(value, type):
+                value = asdict(value)
+            values[f.name] = value
         return values
+
+    def _fingerprint(self) -> dict[str, Any]:
+        """`to_dict` with what stands for the content of files."""
+        return self.to_dict()
 
     @cached_property
     def hash(self) -> str:
-        """Stable hash of the scenario's values, 16 hexadecimal digits; a road file counts by its content."""
-        values = self.to_dict()
-        values["road"] = self.road.fingerprint()
-        text = json.dumps(values, sort_keys=True, separators=(",", ":"))
+        """Stable hash of the scenario's values, 16 hexadecimal digits; files count by their content."""
+        text = json.dumps(self._fingerprint(), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class RoadScenario(ScenarioRecord):
+    """A car on a road; every field is a keyword of ``gym.make``. Subclasses add what their task needs.
+
+    Attributes:
+        vehicle: a name (`VEHICLES`), a mapping of changes to a named one (``{"base": "yin", "mass": 2000.0}``)
+            or `VehicleParameters`.
+        road: the name of a generator, a mapping with its settings, or the path of a centre-line CSV file.
+        speed: m/s, or a mapping; see the subclass.
+        action: "steering_angle" (the action is the road-wheel angle asked for) or "steering_rate".
+        max_steering_angle: road-wheel angle that action 1 asks for, rad; also bounds the command in rate mode.
+        max_steering_rate: road-wheel speed that action 1 asks for, rad/s (rate mode).
+        start_lateral_error: the start is drawn within this distance of the lane's centre, m.
+        start_course_error: the course at the start is drawn within this angle of the road's, rad.
+        lane_width: m; the car departs when its reference point is more than half of it off the centre.
+        departure: "terminate" ends the episode, "cost" goes on and charges, "off" ignores departures.
+        reference_lateral_error, cost_weight, reference_steering_rate, cost_cap: m, w, rad/s and 1/s of the
+            running cost min(cap, (d / reference)² + w (road-wheel speed / reference)²).
+        observation: "measured" (what sensors give) or "full" (adds channels of the true state).
+        randomisation: what differs from episode to episode: "nominal", "mismatch", "stress" or a mapping of
+            bounds (see `Randomisation`).
+        episode_steps: control steps of an episode: it is truncated after them, a departure is charged for the
+            rest of them, and open roads are entered that much before their end. ``max_episode_steps`` of
+            ``gym.make`` can only shorten an episode; give both for longer ones.
+    """
+
+    vehicle: VehicleParameters = VEHICLES["yin"]
+    road: RoadSpec = field(default_factory=RandomRoads)
+    speed: SpeedSpec = field(default_factory=LimitedSpeed)
+    action: str = "steering_angle"
+    max_steering_angle: float = 0.15
+    max_steering_rate: float = 0.4
+    start_lateral_error: float = 0.5
+    start_course_error: float = math.radians(2.0)
+    lane_width: float = 3.5
+    departure: str = "terminate"
+    reference_lateral_error: float = 0.5
+    cost_weight: float = 1.0
+    reference_steering_rate: float = 0.1
+    cost_cap: float = 16.0
+    observation: str = "measured"
+    randomisation: Randomisation = field(default_factory=Randomisation)
+    episode_steps: int = 600
+
+    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
+        "vehicle": vehicle_from,
+        "road": road_from,
+        "randomisation": randomisation_from,
+    }
+    #: How much road a picture shows, m.
+    view: ClassVar[float] = 100.0
+
+    def _check(self) -> None:
+        choose("action", self.action, ("steering_angle", "steering_rate"))
+        require("max_steering_angle", self.max_steering_angle, "rad", above=0.0, at_most=1.5)
+        require("max_steering_rate", self.max_steering_rate, "rad/s", above=0.0)
+        require("lane_width", self.lane_width, "m", above=0.0)
+        limit = self.departure_limit
+        require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=limit)
+        require("start_course_error", self.start_course_error, "rad", at_least=0.0, at_most=1.0)
+        choose("departure", self.departure, ("terminate", "cost", "off"))
+        require("reference_lateral_error", self.reference_lateral_error, "m", above=0.0)
+        require("cost_weight", self.cost_weight, "", at_least=0.0)
+        require("reference_steering_rate", self.reference_steering_rate, "rad/s", above=0.0)
+        require("cost_cap", self.cost_cap, "1/s", above=0.0)
+        choose("observation", self.observation, ("measured", "full"))
+        require("control_step", self.control_step, "s", above=0.0, at_most=1.0)
+        multiple_of_step("control_step", self.control_step)
+        require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=10_000_000, whole=True)
+        for channel, sensor in self.sensors:
+            sensor.check(channel, self.control_step)
+        multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay)
+
+    @property
+    def departure_limit(self) -> float:
+        """Lateral error beyond which the car has left its lane, m."""
+        return self.lane_width / 2
+
+    @property
+    def model(self) -> int:
+        """The kernel's number of the vehicle model."""
+        raise NotImplementedError
+
+    @property
+    def axles(self) -> tuple[float, float]:
+        """Distance of the front and the rear axle from the reference point, whose errors are lateral and heading, m."""
+        return self.vehicle.cg_to_front_axle, self.vehicle.cg_to_rear_axle
+
+    def _fingerprint(self) -> dict[str, Any]:
+        return {**self.to_dict(), "road": self.road.fingerprint()}
 
 
 def steering_channels() -> list[Channel]:
@@ -215,11 +242,10 @@ def steering_channels() -> list[Channel]:
     ]
 
 
-def multiple_of_step(name: str, seconds: float) -> None:
+def multiple_of_step(name: str, seconds: float, step: float = INTEGRATION_STEP) -> None:
     """Raise ValueError unless ``seconds`` is a multiple of the integration step."""
-    steps = round(seconds / INTEGRATION_STEP)
-    if abs(seconds - steps * INTEGRATION_STEP) > 1e-9:
+    steps = round(seconds / step)
+    if abs(seconds - steps * step) > 1e-9:
         raise ValueError(
-            f"{name}={seconds!r} is not allowed: it must be a multiple of {INTEGRATION_STEP} s "
-            f"(the nearest is {steps * INTEGRATION_STEP:g} s)"
+            f"{name}={seconds!r} is not allowed: it must be a multiple of {step} s (the nearest is {steps * step:g} s)"
         )

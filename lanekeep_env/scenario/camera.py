@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, ClassVar
 
@@ -146,10 +146,6 @@ class CameraLaneScenario(RoadScenario):
                 Channel("motor_angle", "rad", -1.6, 1.6, "of the steering motor, in terms of the road wheel"),
             ]
         return channels
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the scenario as JSON-able values; `from_keywords` reads them back."""
-        return {**super().to_dict(), "camera": asdict(self.camera)}
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,8 @@ def _normal(key, counter):
 def measure(i, lanes, counters, settings, sensors, observation):
     """Replace the measured channels of lane i by what its sensors give, and write their new-sample channels.
 
-    A truth of NaN is one that the sensor cannot see: its sample is lost, and its validity channel tells so.
+    A truth of NaN is one that the sensor cannot see: the last sample is held, and a validity channel tells so, or a
+    number is shown that stands for it.
     """
     episode = derive(np.uint64(counters[at.KEY, i]), counters[at.EPISODE, i])
     step = np.int64(lanes[at.STEP, i])
@@ -70,7 +71,8 @@ def measure(i, lanes, counters, settings, sensors, observation):
             if resolution > 0.0:
                 value = resolution * np.floor(value / resolution + 0.5)
             lanes[row + SEEN, i] = 0.0 if np.isnan(seen) else 1.0
-            lanes[row + HELD, i] = lanes[row + HELD, i] if np.isnan(seen) else value
+            missing = lanes[row + HELD, i] if sensors[channel, at.HOLDS] > 0.0 else sensors[channel, at.MISSING]
+            lanes[row + HELD, i] = missing if np.isnan(seen) else value
         place = at.BOUNDS + 2 * column
         observation[i, column] = clip(lanes[row + HELD, i], settings[place], settings[place + 1])
         if valid >= 0:
