@@ -68,6 +68,7 @@ class VehicleParameters:
         steering_ratio: steering-wheel angle over road-wheel angle.
         steering: the actuator between the command and the road wheel.
         length, width: of the body, m (pictures and clearances).
+        wheel_radius: m (encoders).
         source: where the numbers come from.
     """
 
@@ -82,6 +83,7 @@ class VehicleParameters:
     steering: SteeringActuator = field(default_factory=SteeringActuator)
     length: float = 4.5
     width: float = 1.8
+    wheel_radius: float = 0.3
     source: str = "user"
 
     def __post_init__(self) -> None:
@@ -94,6 +96,7 @@ class VehicleParameters:
         require("vehicle.steering_ratio", self.steering_ratio, "", above=0.0)
         require("vehicle.length", self.length, "m", above=0.0)
         require("vehicle.width", self.width, "m", above=0.0)
+        require("vehicle.wheel_radius", self.wheel_radius, "m", above=0.0)
         if not isinstance(self.steering, SteeringActuator):
             raise ValueError(f"vehicle.steering={self.steering!r} must be a mapping of SteeringActuator's fields")
         plain_numbers(self)
@@ -159,6 +162,40 @@ VEHICLES: dict[str, VehicleParameters] = {
             source=(
                 "Trächtler, Lohmann, Struck 1992: lag 0.25 s. The article gives no other number: wheelbase 3 m, motor "
                 "20 deg/s and gap 2 deg at the road wheel, body and masses are stated here as those of such a van"
+            ),
+        ),
+        VehicleParameters(
+            name="knightriders",
+            mass=5.0,
+            yaw_inertia=0.1,
+            cg_to_front_axle=0.175,
+            cg_to_rear_axle=0.175,
+            front_cornering_stiffness=120.0,
+            rear_cornering_stiffness=130.0,
+            steering=SteeringActuator(angle_limit=math.radians(22.0)),
+            length=0.532,
+            width=0.265,
+            wheel_radius=0.033,
+            source=(
+                "Team KnightRiders 2017: wheelbase 0.35 m, steering 22 deg. The report gives no other number: body, wheel, "
+                "mass and tyres are stated here as those of a 1:10 car with a Kinect"
+            ),
+        ),
+        VehicleParameters(
+            name="pses",
+            mass=4.0,
+            yaw_inertia=0.06,
+            cg_to_front_axle=0.129,
+            cg_to_rear_axle=0.129,
+            front_cornering_stiffness=100.0,
+            rear_cornering_stiffness=110.0,
+            steering=SteeringActuator(angle_limit=math.atan(0.258 / 0.93)),
+            length=0.44,
+            width=0.265,
+            wheel_radius=0.033,
+            source=(
+                "PSES platform as documented: wheelbase 0.258 m, body 0.44 x 0.265 m, rear axle's turning radius 0.93 m; "
+                "wheel, mass and tyres are stated here as those of a 1:10 car"
             ),
         ),
         _commonroad(1, 1225.8878467253344, 1538.8533713561394, 0.88392, 1.50876, (4.298, 1.674), 0.91),

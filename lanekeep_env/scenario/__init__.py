@@ -3,14 +3,19 @@
 from lanekeep_env.scenario.base import INTEGRATION_STEP, Channel, RoadScenario
 from lanekeep_env.scenario.camera import Camera, CameraLaneScenario, TurnOffScenario
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario, RoadWorksScenario
+from lanekeep_env.scenario.walls import CircuitScenario, Scan, Servo, WallFollowScenario
 
 __all__ = [
     "INTEGRATION_STEP",
     "Camera",
     "CameraLaneScenario",
     "Channel",
+    "CircuitScenario",
     "LaneKeepScenario",
     "RoadScenario",
     "RoadWorksScenario",
+    "Scan",
+    "Servo",
     "TurnOffScenario",
+    "WallFollowScenario",
 ]

@@ -8,9 +8,10 @@ from typing import Any
 
 from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
 
-#: Channels that come from sensors, in the order of the observation: of lane keeping, of guidance by camera.
+#: Channels that come from sensors, in the order of the observation: of lane keeping, of guidance by camera, between walls.
 MEASURED_CHANNELS = ("lateral_error", "heading_error", "yaw_rate", "speed", "steering_angle")
 CAMERA_CHANNELS = ("edge_distance", "speed", "steering_angle")
+WALL_CHANNELS = ("distance_right", "distance_left", "distance_front", "yaw_rate", "speed", "steering_angle")
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,28 @@ CAMERA_SENSOR_SETS: dict[str, dict[str, Sensor]] = {
         "edge_distance": Sensor(noise=0.05, bias=0.05, period=0.12, delay=0.16, dropout=0.15),
         "speed": Sensor(noise=0.05, bias=0.05),
         "steering_angle": Sensor(noise=0.003, bias=0.01, resolution=0.002),
+    },
+}
+
+#: The same between walls: the 1:10 car's ultrasonics (raw, millimetres), gyroscope and potentiometer. Its distances
+#: come at about 27 Hz at most, which is each control step of 45 ms.
+_ULTRASONIC = Sensor(noise=0.01, resolution=0.001)
+_POOR_ULTRASONIC = Sensor(noise=0.02, resolution=0.001, period=0.09, dropout=0.05)
+WALL_SENSOR_SETS: dict[str, dict[str, Sensor]] = {
+    "production": {
+        "distance_right": _ULTRASONIC,
+        "distance_left": _ULTRASONIC,
+        "distance_front": _ULTRASONIC,
+        "yaw_rate": Sensor(noise=0.02, bias=0.05),
+        "steering_angle": Sensor(noise=0.003),
+    },
+    "poor": {
+        "distance_right": _POOR_ULTRASONIC,
+        "distance_left": _POOR_ULTRASONIC,
+        "distance_front": _POOR_ULTRASONIC,
+        "yaw_rate": Sensor(noise=0.05, bias=0.1),
+        "speed": Sensor(noise=0.03),
+        "steering_angle": Sensor(noise=0.01, bias=0.01),
     },
 }
 

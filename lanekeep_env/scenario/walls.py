@@ -1,0 +1,373 @@
+"""Cars between walls: following a wall at a distance, and driving circuits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from lanekeep_env import layout as at
+from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
+from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
+from lanekeep_env.randomisation import Randomisation, randomisation_from
+from lanekeep_env.roads.speed import SetSpeeds, set_speeds_from
+from lanekeep_env.scenario.base import Channel, Measured, ScenarioRecord, multiple_of_step, steering_channels
+from lanekeep_env.sensing.faults import WALL_CHANNELS, WALL_SENSOR_SETS, sensors_from
+from lanekeep_env.walls import Corridor, RandomCircuits, WorldRecord, world_from
+
+#: Range of an ultrasonic sensor, m, and half the angle of its cone, rad (Team KnightRiders 2017).
+ULTRASONIC = (0.03, 6.0, math.radians(22.5))
+
+
+@dataclass(frozen=True)
+class Servo:
+    """What a servo makes of a command, each off by default; it counts in ticks from -50 to 50.
+
+    Attributes:
+        left, right: road-wheel angle at full command to either side, rad; None for `max_steering_angle`.
+        angles: measured road-wheel angles at uniformly spaced commands from full right to full left, rad, an odd
+            number of them (21 for half circles driven every 5 ticks); instead of left and right.
+        ticks: steps of a command from zero to full, 0 for a continuous one.
+    """
+
+    left: float | None = None
+    right: float | None = None
+    angles: tuple[float, ...] | None = None
+    ticks: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("left", "right"):
+            require(f"servo.{name}", getattr(self, name), "rad", above=0.0, at_most=1.5, optional=True)
+        require("servo.ticks", self.ticks, "", at_least=0, whole=True)
+        if self.angles is not None:
+            object.__setattr__(self, "angles", tuple(float(angle) for angle in self.angles))
+            if len(self.angles) < 3 or len(self.angles) % 2 == 0 or self.left is not None or self.right is not None:
+                raise ValueError(
+                    f"servo.angles={self.angles!r} is not allowed: an odd number of angles, at least 3, and neither "
+                    "left nor right beside them"
+                )
+            for angle in self.angles:
+                require("servo.angles", angle, "rad", at_least=-1.5, at_most=1.5)
+            if any(after <= before for before, after in zip(self.angles[:-1], self.angles[1:], strict=True)):
+                raise ValueError(
+                    f"servo.angles={self.angles!r} is not allowed: the angles must rise from right to left"
+                )
+        plain_numbers(self)
+
+    def table(self, largest: float) -> np.ndarray | None:
+        """Numbers for the kernel (command quantum, then angles), or None for a servo that does as it is told."""
+        if self == Servo():
+            return None
+        angles = self.angles or (
+            -(largest if self.right is None else self.right),
+            0.0,
+            largest if self.left is None else self.left,
+        )
+        return np.array([1.0 / self.ticks if self.ticks else 0.0, *angles])
+
+
+@dataclass(frozen=True)
+class Scan:
+    """A depth camera's scan; each fault is off by default.
+
+    Attributes:
+        beams: number, 0 for no scan.
+        field_of_view: from the first (right) to the last beam (left), rad, symmetric to the car's axis.
+        nearest, farthest: range, m; outside it a beam shows 0.
+        noise: standard deviation at 1 m, growing with the square of the range as that of depth cameras, m.
+        missing_every: each that many beams one shows 0 (0 for none).
+        missing_rim: beams that show 0 at either rim.
+        jump_errors: share of the beams beside a depth jump that show something between both sides.
+        period: s between scans, a multiple of the control step; 0 for one at each.
+    """
+
+    beams: int = 0
+    field_of_view: float = math.radians(70.0)
+    nearest: float = 0.5
+    farthest: float = 12.0
+    noise: float = 0.0
+    missing_every: int = 0
+    missing_rim: int = 0
+    jump_errors: float = 0.0
+    period: float = 0.0
+
+    def __post_init__(self) -> None:
+        require("scan.beams", self.beams, "beams", at_least=0, at_most=4096, whole=True)
+        if self.beams == 1:
+            raise ValueError("scan.beams=1 is not allowed: 0 for no scan, or at least 2")
+        require("scan.field_of_view", self.field_of_view, "rad", above=0.0, at_most=6.2)
+        require("scan.nearest", self.nearest, "m", at_least=0.0)
+        require("scan.farthest", self.farthest, "m", above=self.nearest, at_most=1000.0)
+        require("scan.noise", self.noise, "m", at_least=0.0)
+        require("scan.missing_every", self.missing_every, "beams", at_least=0, whole=True)
+        require("scan.missing_rim", self.missing_rim, "beams", at_least=0, whole=True)
+        require("scan.jump_errors", self.jump_errors, "(a share)", at_least=0.0, at_most=1.0)
+        require("scan.period", self.period, "s", at_least=0.0, at_most=5.0)
+        plain_numbers(self)
+
+    @property
+    def step(self) -> float:
+        """Angle between beams, rad."""
+        return self.field_of_view / (self.beams - 1)
+
+
+#: The Kinect of the source as far as the report tells: nearest and farthest range, gaps, rims, jumps.
+SCANS: dict[str, Scan] = {
+    "none": Scan(),
+    "perfect": Scan(beams=64, nearest=0.0),
+    "kinect": Scan(beams=141, noise=0.002, missing_every=20, missing_rim=4, jump_errors=0.5),
+}
+
+
+def scan_from(value: str | Mapping[str, Any] | Scan) -> Scan:
+    """Read a scan: a name of `SCANS`, a mapping of fields, or a record; ValueError names what is wrong."""
+    if isinstance(value, Scan):
+        return value
+    if isinstance(value, str):
+        choose("scan", value, SCANS)
+        return SCANS[value]
+    if not isinstance(value, Mapping):
+        raise ValueError(f"scan={value!r} must be {', '.join(SCANS)} or a mapping of Scan's fields")
+    return from_mapping(Scan, value, "scan")
+
+
+def servo_from(value: Mapping[str, Any] | Servo | None) -> Servo:
+    """Read a servo: None (does as it is told), a mapping of fields, or a record; ValueError names what is wrong."""
+    if value is None:
+        return Servo()
+    if isinstance(value, Servo):
+        return value
+    if not isinstance(value, Mapping):
+        raise ValueError(f"servo={value!r} must be a mapping of Servo's fields")
+    return from_mapping(Servo, value, "servo")
+
+
+def range_from(name: str, value: Any) -> tuple[float, float]:
+    """Read bounds (low, high), or one number for both."""
+    low, high = value if isinstance(value, tuple | list) and len(value) == 2 else (value, value)
+    for bound in (low, high):
+        require(name, bound, "rad", at_least=-0.5, at_most=0.5)
+    if high < low:
+        raise ValueError(f"{name}={value!r} is not allowed: the bounds must be (low, high) with low <= high")
+    return float(low), float(high)
+
+
+@dataclass(frozen=True)
+class WallFollowScenario(ScenarioRecord):
+    """Everything that defines `lanekeep/WallFollow-v0`; every field is a keyword of ``gym.make``.
+
+    Attributes:
+        vehicle: a name ("knightriders", "pses", ...), a mapping of changes to a named one, or `VehicleParameters`.
+        dynamics: "kinematic" (no slip) or "dynamic" (sideslip, linear tyres; forwards only).
+        world: the name of a generator, a mapping with its settings, or the path of a map_server map's YAML file.
+        speed: m/s, or a mapping of `SetSpeeds`.
+        action: "steering_angle" or "steering_rate".
+        max_steering_angle: road-wheel angle that action 1 asks for, rad.
+        max_steering_rate: road-wheel speed that action 1 asks for, rad/s (rate mode).
+        steering_offset: bounds (low, high) of what the road wheel has more than asked for, rad, drawn once an episode,
+            or one number.
+        servo: a mapping of `Servo`, or None.
+        set_distance: of the side sensor from the wall on the right, m.
+        start_lateral_error: the start is drawn within this of ``set_distance``, m.
+        start_heading_error: and within this angle of the centre line's direction, rad.
+        contact: "terminate" ends the episode, "cost" goes on and charges, "off" ignores contacts.
+        reference_lateral_error, cost_weight, reference_steering_rate, cost_cap: of the running cost, as for roads.
+        scan: of the depth camera: "none", "perfect", "kinect" or a mapping of `Scan`.
+        encoder_ticks: of the wheel a turn, 0 for a continuous measurement (40 in the source, 8 its Hall sensor).
+        encoder_direction: whether the encoder tells forwards from backwards (the Hall sensor does not).
+        observation: "measured", or "full" (adds lateral error, heading error, clearance, steering offset).
+        randomisation: as for roads.
+        episode_steps: control steps of an episode.
+    """
+
+    integration_step: ClassVar[float] = 0.005
+    view: ClassVar[float] = 8.0
+    task: ClassVar[int] = at.WALL_FOLLOW
+
+    control_step: float = 0.045
+    vehicle: VehicleParameters = VEHICLES["knightriders"]
+    dynamics: str = "kinematic"
+    world: WorldRecord = field(default_factory=lambda: Corridor(length=80.0, width=2.5))
+    speed: SetSpeeds = field(
+        default_factory=lambda: SetSpeeds(0.3, 2.0, hold=None, standstill=0.0, lateral_acceleration=None)
+    )
+    action: str = "steering_angle"
+    max_steering_angle: float = math.radians(22.0)
+    max_steering_rate: float = 3.0
+    steering_offset: tuple[float, float] = (-math.radians(3.0), math.radians(3.0))
+    servo: Servo = field(default_factory=Servo)
+    set_distance: float = 1.0
+    start_lateral_error: float = 0.3
+    start_heading_error: float = math.radians(20.0)
+    contact: str = "terminate"
+    reference_lateral_error: float = 0.1
+    cost_weight: float = 1.0
+    reference_steering_rate: float = 2.0
+    cost_cap: float = 16.0
+    scan: Scan = field(default_factory=Scan)
+    encoder_ticks: int = 0
+    encoder_direction: bool = True
+    observation: str = "measured"
+    randomisation: Randomisation = field(default_factory=Randomisation)
+    episode_steps: int = 600
+
+    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
+        "vehicle": vehicle_from,
+        "world": world_from,
+        "speed": set_speeds_from,
+        "randomisation": randomisation_from,
+        "scan": scan_from,
+        "servo": servo_from,
+        "steering_offset": partial(range_from, "steering_offset"),
+        "sensors": partial(sensors_from, channels=WALL_CHANNELS, sets=WALL_SENSOR_SETS),
+    }
+
+    def _check(self) -> None:
+        choose("dynamics", self.dynamics, ("kinematic", "dynamic"))
+        choose("action", self.action, ("steering_angle", "steering_rate"))
+        require("max_steering_angle", self.max_steering_angle, "rad", above=0.0, at_most=1.5)
+        require("max_steering_rate", self.max_steering_rate, "rad/s", above=0.0)
+        require("set_distance", self.set_distance, "m", above=0.0, at_most=ULTRASONIC[1])
+        require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0)
+        require("start_heading_error", self.start_heading_error, "rad", at_least=0.0, at_most=math.pi)
+        choose("contact", self.contact, ("terminate", "cost", "off"))
+        require("reference_lateral_error", self.reference_lateral_error, "m", above=0.0)
+        require("cost_weight", self.cost_weight, "", at_least=0.0)
+        require("reference_steering_rate", self.reference_steering_rate, "rad/s", above=0.0)
+        require("cost_cap", self.cost_cap, "1/s", above=0.0)
+        require("encoder_ticks", self.encoder_ticks, "ticks a turn", at_least=0, whole=True)
+        if not isinstance(self.encoder_direction, bool):
+            raise ValueError(f"encoder_direction={self.encoder_direction!r} is not allowed: it must be True or False")
+        choose("observation", self.observation, ("measured", "full"))
+        require("control_step", self.control_step, "s", above=0.0, at_most=1.0)
+        multiple_of_step("control_step", self.control_step, self.integration_step)
+        require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=10_000_000, whole=True)
+        for channel, sensor in self.sensors:
+            sensor.check(channel, self.control_step)
+        multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay, self.integration_step)
+        multiple_of_step("scan.period", self.scan.period, self.control_step)
+
+    @property
+    def model(self) -> int:
+        """The kernel's number of the vehicle model."""
+        return at.KINEMATIC if self.dynamics == "kinematic" else at.LINEAR
+
+    @property
+    def axles(self) -> tuple[float, float]:
+        """Distance of the front and the rear axle from the centre of gravity, m."""
+        return self.vehicle.cg_to_front_axle, self.vehicle.cg_to_rear_axle
+
+    @property
+    def num_actions(self) -> int:
+        """Steering only."""
+        return 1
+
+    @property
+    def largest_speed(self) -> float:
+        """Speed that action 1 asks for, m/s; 0 where speed is no action."""
+        return 0.0
+
+    @property
+    def measured(self) -> tuple[Measured, ...]:
+        """The channels that come from scalar sensors, in the order of the observation."""
+        return (
+            *(Measured(f"distance_{side}", row, missing=0.0, holds=False) for side, row in _ULTRASONICS),
+            Measured("yaw_rate", at.YAW_RATE),
+            Measured("speed", at.WHEEL_SPEED),
+            Measured("steering_angle", at.STEER),
+        )
+
+    def _channels(self) -> list[Channel]:
+        far = ULTRASONIC[1]
+        channels = [
+            Channel(
+                f"distance_{side}",
+                "m",
+                0.0,
+                far,
+                f"of the nearest wall in the ultrasonic's cone to the {side}, 0: no echo",
+            )
+            for side, _ in _ULTRASONICS
+        ]
+        channels += [
+            Channel("yaw_rate", "rad/s", -20.0, 20.0, "left positive"),
+            Channel("speed", "m/s", -20.0, 20.0, "of the wheels, by the encoder"),
+            *steering_channels(),
+        ]
+        channels += self._further()
+        for k in range(self.scan.beams):
+            angle = math.degrees(k * self.scan.step - self.scan.field_of_view / 2)
+            channels.append(Channel(f"scan_{k}", "m", 0.0, self.scan.farthest, f"range at {angle:+.1f} deg, 0: none"))
+        if self.observation == "full":
+            channels += [
+                Channel("lateral_error", "m", -20.0, 20.0, self._lateral_error),
+                Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the centre line's"),
+                Channel("clearance", "m", 0.0, 20.0, "distance of the body from the nearest wall"),
+                Channel("steering_offset", "rad", -0.5, 0.5, "of this episode"),
+            ]
+        if round(self.scan.period / self.control_step) > 1:
+            channels.append(Channel("scan_new", "", 0.0, 1.0, "1 where the scan is a new one, else 0"))
+        return channels
+
+    _lateral_error: ClassVar[str] = "of the side sensor: distance of the right wall minus the set one"
+
+    def _further(self) -> list[Channel]:
+        """Channels between the scalar ones and the scan."""
+        return []
+
+    def _fingerprint(self) -> dict[str, Any]:
+        return {**self.to_dict(), "world": self.world.fingerprint()}
+
+
+_ULTRASONICS = (("right", at.RIGHT), ("left", at.LEFT), ("front", at.FRONT))
+
+
+@dataclass(frozen=True)
+class CircuitScenario(WallFollowScenario):
+    """Everything that defines `lanekeep/Circuit-v0`: the fields of `WallFollowScenario` with other defaults, and these.
+
+    Attributes:
+        max_speed: that the second action 1 asks for, m/s; -1 asks for as much backwards (kinematic cars only).
+        max_acceleration: either way, m/s².
+        laps: after which the episode is done.
+
+    ``speed``, ``set_distance`` and ``start_lateral_error`` from the set distance have no meaning here: the car starts at
+    rest in the middle of one of the circuit's sides, within ``start_lateral_error`` of it.
+    """
+
+    task: ClassVar[int] = at.CIRCUIT
+    view: ClassVar[float] = 16.0
+    _lateral_error: ClassVar[str] = "of the centre of gravity, left of the circuit's centre line"
+
+    world: WorldRecord = field(default_factory=RandomCircuits)
+    steering_offset: tuple[float, float] = (-math.radians(1.0), math.radians(1.0))
+    start_lateral_error: float = 0.1
+    start_heading_error: float = math.radians(5.0)
+    scan: Scan = field(default_factory=lambda: SCANS["perfect"])
+    episode_steps: int = 1800
+    max_speed: float = 2.0
+    max_acceleration: float = 2.0
+    laps: int = 1
+
+    def _check(self) -> None:
+        require("max_speed", self.max_speed, "m/s", above=0.0, at_most=20.0)
+        require("max_acceleration", self.max_acceleration, "m/s²", above=0.0)
+        require("laps", self.laps, "", at_least=1, whole=True)
+        super()._check()
+
+    @property
+    def num_actions(self) -> int:
+        """Steering and speed."""
+        return 2
+
+    @property
+    def largest_speed(self) -> float:
+        """Speed that action 1 asks for, m/s."""
+        return self.max_speed
+
+    def _further(self) -> list[Channel]:
+        return [Channel("speed_command", "m/s", -20.0, 20.0, "set speed that was asked for")]
