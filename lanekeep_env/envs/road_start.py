@@ -163,8 +163,10 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     along = s - road[low, at.R_STATION]
     squared = np.float64(lanes[at.SPEED_SQUARED, i]) + lanes[at.SPEED_SQUARED_SLOPE, i] * along
     v = np.sqrt(max(squared, 0.0))
+    target = v
     if settings[at.SPEED_HIGH] > 0.0:
-        v = _set_speed(i, key, np.int64(0), lanes, settings)
+        target = _set_speed(i, key, np.int64(0), lanes, settings)
+        v = min(v, target)
     steer, beta, r = steady_turning(
         v,
         np.float64(lanes[at.CURVATURE, i]) + lanes[at.CURVATURE_SLOPE, i] * along,
@@ -186,7 +188,7 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     lanes[at.SIDESLIP, i] = beta
     lanes[at.YAW_RATE, i] = r
     lanes[at.SPEED, i] = v
-    lanes[at.SPEED_TARGET, i] = v
+    lanes[at.SPEED_TARGET, i] = target
     lanes[at.ACCELERATION, i] = v * r
     lanes[at.STEER, i] = steer
     lanes[at.STEER_BEFORE, i] = steer

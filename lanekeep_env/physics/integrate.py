@@ -4,7 +4,8 @@ Measured order: 4 while a sub-step stays inside one road segment. What comes fro
 the start, middle and end of a sub-step: steering exactly (a held command through a first-order lag),
 speed from the profile at the start and with the profile's acceleration from there (the profile is
 linear in v² over arc length, so a car on the centre line keeps it exactly; any other is set right again
-at the next sub-step), or, ``paced``, towards a set speed with a limited acceleration, whatever the road.
+at the next sub-step), or, ``paced``, towards a set speed with a limited acceleration; the profile is
+then the largest speed.
 Curvature is looked up at every stage.
 """
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import clip, larger, like, wrapped
+from lanekeep_env.physics.numeric import clip, larger, like, smaller, wrapped
 from lanekeep_env.physics.single_track import (
     dynamic_linear,
     dynamic_magic_formula,
@@ -94,7 +95,9 @@ def integrator(rates: Callable[..., Any], paced: bool = False) -> Callable[..., 
             k, dk = curvature_[i], slope_[i]
             if paced:  # decided when the loop is compiled, as whether there is a gear
                 v = pace_[i]
-                missing, most = target_[i] - v, settings[at.SPEED_CHANGE]
+                # At the end of the sub-step, so that the car slows down for a bend in time.
+                allowed = _profile_speed(_not_negative(x + h * v), speed_[i], gain_[i])
+                missing, most = smaller(target_[i], allowed) - v, settings[at.SPEED_CHANGE]
                 v_middle = v + clip(missing, -most * like(h, 0.5), most * like(h, 0.5))
                 v_end = v + clip(missing, -most, most)
                 pace_[i] = v_end
