@@ -52,7 +52,8 @@ def make(name: str, scenario: Scenario) -> Policy:
     """Design the controller ``name`` for the vehicle, the channels and the control step of ``scenario``.
 
     Raises:
-        ValueError: unknown name (the nearest one is named), or a channel that the scenario does not observe.
+        ValueError: unknown name (the nearest one is named), or a channel that the scenario does not observe, or a field that
+            it does not have.
         ModuleNotFoundError: the controller's design needs a package of the extra `lanekeep[baselines]`.
     """
     if name not in _POLICIES:
@@ -68,5 +69,13 @@ def make(name: str, scenario: Scenario) -> Policy:
         raise ModuleNotFoundError(
             f'policy {name!r} needs the package {error.name!r}: pip install "lanekeep[baselines]"', name=error.name
         ) from error
-    policy: Policy = build(scenario)
+    try:
+        policy: Policy = build(scenario)
+    except AttributeError as error:
+        if error.obj is not scenario:
+            raise
+        raise ValueError(
+            f"policy {name!r} is not for {type(scenario).__name__}, which has no {error.name!r}; "
+            "allowed: what names(scenario) lists"
+        ) from error
     return policy

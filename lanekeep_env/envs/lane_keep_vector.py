@@ -211,9 +211,8 @@ class LaneKeepVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if not ended.any():
             return
         observations = np.full(self.num_envs, None, dtype=object)
-        final = outcome[2 * at.OUTCOME_ROWS :].T.astype(np.float32)
-        for lane in np.flatnonzero(ended):
-            observations[lane] = final[lane]
+        for lane in np.flatnonzero(ended):  # the other columns were never written
+            observations[lane] = outcome[2 * at.OUTCOME_ROWS :, lane].astype(np.float32)
         infos["final_obs"], infos["_final_obs"] = observations, ended
         truth = np.where(ended, outcome[at.OUTCOME_ROWS : 2 * at.OUTCOME_ROWS], 0.0)
         infos["final_info"], infos["_final_info"] = self._infos(truth, ended), ended
