@@ -52,8 +52,7 @@ def make(name: str, scenario: Scenario) -> Policy:
     """Design the controller ``name`` for the vehicle, the channels and the control step of ``scenario``.
 
     Raises:
-        ValueError: unknown name (the nearest one is named), or a channel that the scenario does not observe, or a field that
-            it does not have.
+        ValueError: unknown name (the nearest one is named), or a channel or field that the scenario does not have.
         ModuleNotFoundError: the controller's design needs a package of the extra `lanekeep[baselines]`.
     """
     if name not in _POLICIES:

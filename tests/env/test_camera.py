@@ -37,7 +37,7 @@ class WildRoads(RoadRecord):
         arc = rng.random(n) < 0.4
         end[arc] = start[arc]
         road = Road(f"wild-{k}", rng.uniform(0.3, 12.0, n), start, end)
-        return road.without_marking(rng.uniform(0, 300, (6, 1)) + [0.0, 4.0]) if k % 2 else road
+        return road.without_marking(np.add(rng.uniform(0, 300, (6, 1)), [0.0, 4.0])) if k % 2 else road
 
 
 def truth(env):

@@ -4,13 +4,13 @@ import math
 import warnings
 
 import gymnasium as gym
-import lanekeep_baselines
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+import lanekeep_baselines
 import lanekeep_env  # noqa: F401
 from lanekeep_env import layout as at
 
@@ -184,7 +184,7 @@ def in_lane(name=ID, lanes=100, steps=600, **keywords):
 def test_the_van_slows_down_before_bends():
     """v² |kappa| stays at the limit; the braking before and the acceleration after keep theirs."""
     speed = {"minimum": 6.0, "hold": None, "standstill": 0.0, "lateral_acceleration": 1.5, "acceleration": 1.2}
-    roads, (s, v, lateral, error) = in_lane(road={"kind": "yard", "count": 30, "gap_spacing": None}, speed=speed)
+    roads, (s, v, _, error) = in_lane(road={"kind": "yard", "count": 30, "gap_spacing": None}, speed=speed)
     assert np.abs(error).max() < 1.0
     demand = np.stack([v[:, i] ** 2 * np.abs(road.curvature(s[:, i])) for i, road in enumerate(roads)], axis=1)
     assert demand.max() <= 1.5 * 1.05 and np.quantile(demand, 0.9) > 1.2
