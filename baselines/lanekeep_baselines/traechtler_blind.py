@@ -58,17 +58,23 @@ class TraechtlerBlind(Planned):
     memory = 8
     #: Below this speed the deviation's rate tells nothing about the heading, m/s.
     slowest: ClassVar[float] = 0.3
+    #: In a planned bend the edge is believed back once it is this near to where the model has it, in set distances:
+    #: before, what the camera sees across a junction is the edge of the road behind the bend.
+    believable: ClassVar[float] = 0.5
 
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats | None]:
         model, v = self._model, at["speed"]
-        valid = at["edge_valid"] > 0.5
         seen = self._side * (at["edge_distance"] - self._set_distance)
         steer = at["steering_angle"]
         # Where the model is now, if it went on from the last step.
         e, heading, angle, command, plan = memory.T[:5]
         e, heading, angle = model.advance(e, heading, angle, command, plan, v, self._step)
+        plan = self.planned(self.plan(at), model.reach)
+        near = np.abs(seen - e) <= self.believable * self._set_distance
+        believed = fresh | (memory[:, 7] > 0.5) | near | (plan == 0.0)
+        valid = (at["edge_valid"] > 0.5) & believed  # the switch: S1 where true
         e, heading, angle = (
             np.where(fresh, new, old) for new, old in ((seen, e), (0.0 * seen, heading), (steer, angle))
         )
@@ -85,7 +91,6 @@ class TraechtlerBlind(Planned):
         heading = np.where(valid & ~slow, turned, heading)
         angle = np.where(valid, steer, angle)
         command = np.clip(self.feedback(deviation, rate, v), -self._limit, self._limit)
-        plan = self.planned(self.plan(at), model.reach)
         return command, np.stack([deviation, heading, angle, command, plan, rate, filtered, valid], axis=1)
 
 

@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 import lanekeep_baselines
 import lanekeep_env
@@ -144,8 +145,8 @@ def bench(
     console.print(f"Results, tables and plots: {folder.path}", highlight=False, soft_wrap=True)
 
 
-def _progress() -> Progress:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("episodes"))
+def _progress(unit: str = "episodes") -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn(unit))
     console = _console(stderr=True)
     # Where nobody watches, it would leave an empty line.
     disable = not console.is_terminal
@@ -195,6 +196,60 @@ def play_command(
         f"{policy} drove {episode.seconds:.1f} s, RMS lateral error {episode.rms_lateral_error:.3f} m, "
         f"peak {episode.peak_lateral_error:.3f} m, and {end}" + ("" if human else f"; pictures: {file}")
     )
+
+
+@app.command()
+def replicate(
+    work: Annotated[str, typer.Argument(help="traechtler: the camera-guided van.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for tables and figures; default: results/replicate-WORK.")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a replication in --out.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Drive a published work again: its figures, and its numbers beside those that come out here.
+
+    Example: lanekeep replicate traechtler --out results/van
+    """
+    from lanekeep_benchmarks.replications import WORKS, Replication, steps_of
+    from lanekeep_benchmarks.results import write_atomic
+
+    with interruptible(""), input_errors():
+        steps = list(steps_of(work))
+        folder = out or Path("results") / f"replicate-{work}"
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())) and not overwrite:
+            raise ValueError(f"--out {folder} is not empty; name another folder, or pass --overwrite")
+        folder.mkdir(parents=True, exist_ok=True)
+        found = Replication(WORKS[work][1])
+        with _progress("steps") as progress:
+            task = progress.add_task("driving", total=len(steps))
+            for name, run_step in steps:
+                progress.update(task, description=name)
+                run_step(found)
+                progress.update(task, advance=1)
+        for name, picture in found.pictures.items():
+            write_atomic(folder / name, picture)
+        write_atomic(folder / "replication.json", json.dumps(found.to_dict(), indent=1) + "\n")
+        write_atomic(folder / "replication.md", found.markdown())
+    if as_json:
+        print(json.dumps({"folder": str(folder), **found.to_dict()}))
+        return
+    console = _console()
+    table = Table(title=found.title, title_justify="left")
+    for heading in ("quantity", "source", "published", "reproduced", "unit"):
+        table.add_column(heading, justify="right" if heading in ("published", "reproduced") else "left")
+    for row in found.rows:
+        numbers = (f"{number:.{row.digits}f}" for number in (row.published, row.reproduced))
+        table.add_row(row.quantity, row.source, *numbers, row.unit)
+    console.print(table)
+    for further in found.tables:
+        table = Table(title=Text(further.title), title_justify="left")
+        for place, heading in enumerate(further.headings):
+            table.add_column(Text(heading), justify="right" if place else "left")
+        for cells in further.rows:
+            table.add_row(*cells)
+        console.print(table)
+    console.print(f"Tables and figures: {folder}", highlight=False, soft_wrap=True)
 
 
 @app.command()

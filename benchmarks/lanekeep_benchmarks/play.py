@@ -17,6 +17,8 @@ import lanekeep_env  # noqa: F401
 from lanekeep_benchmarks.results import write_atomic
 
 GIF_WIDTH = 640
+#: Pictures a second at the most: more make the file large.
+LARGEST_RATE = 20.0
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,7 @@ def write_gif(path: Path, frames: list[np.ndarray], seconds: float) -> None:
     """Write frames (height, width, 3) of a drive of ``seconds`` as a looped GIF, atomically."""
     from PIL import Image
 
+    frames = frames[:: math.ceil(len(frames) / (LARGEST_RATE * seconds) - 1e-6)]
     first = Image.fromarray(frames[0])
     size = (GIF_WIDTH, round(first.height * GIF_WIDTH / first.width))
     # One palette for all frames: what does not move stays the same colour, and the file small.

@@ -22,7 +22,7 @@ Trace = Mapping[str, NDArray[np.float64]]
 
 # Okabe and Ito (2008), eight colours that colour-blind readers tell apart; brown for their yellow, too pale as a line.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D1F")
-_GRID: dict[str, Any] = {"color": "#d0d0d0", "linewidth": 0.6}
+GRID: dict[str, Any] = {"color": "#d0d0d0", "linewidth": 0.6}
 
 
 def colour_of(index: int) -> str:
@@ -30,7 +30,8 @@ def colour_of(index: int) -> str:
     return _COLOURS[index % len(_COLOURS)]
 
 
-def _png(figure: Figure) -> bytes:
+def png(figure: Figure) -> bytes:
+    """Return the figure as PNG."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=150)
     return buffer.getvalue()
@@ -45,12 +46,17 @@ def plot_errors(summary: Mapping[str, Any]) -> bytes:
     figure = Figure(figsize=(3.0 + 2.8 * columns, 0.4 + rows * (1.1 + 0.4 * len(names))), layout="constrained")
     grid = figure.subplots(rows, columns, sharey=True, squeeze=False)
     for axes, scenario in zip(grid.flat, scenarios, strict=False):
+        widest = _widest(scenario["policies"])
         for place, row in enumerate(scenario["policies"]):
             error = row["metrics"]["rms_lateral_error"]
             colour = colour_of(place)
-            if error["low"] is not None:
-                axes.plot([error["low"], error["high"]], [place, place], color=colour, linewidth=3, alpha=0.5)
-            axes.plot(error["value"], place, "o", color=colour, markersize=5)
+            if error["value"] > widest:
+                axes.plot(1.05 * widest, place, ">", color=colour, markersize=6)
+                axes.annotate(f"{error['value']:.2g} m ", (1.02 * widest, place), ha="right", va="center", fontsize=8)
+            else:
+                if error["low"] is not None:
+                    axes.plot([error["low"], error["high"]], [place, place], color=colour, linewidth=3, alpha=0.5)
+                axes.plot(error["value"], place, "o", color=colour, markersize=5)
             rate = 100 * row["failure_rate"]["value"]
             axes.annotate(
                 f"{rate:.{0 if rate >= 1 else 1}f} %" if rate else "0",
@@ -63,19 +69,22 @@ def plot_errors(summary: Mapping[str, Any]) -> bytes:
         axes.annotate("failed", (1.02, 1.02), xycoords="axes fraction", fontsize=8, color="#606060")
         axes.set_title(scenario["scenario"], fontsize=10)
         axes.set_xlabel("RMS lateral error [m]")
-        highest = max(
-            row["metrics"]["rms_lateral_error"][end] or 0 for row in scenario["policies"] for end in ("value", "high")
-        )
-        axes.set_xlim(0, 1.1 * highest)
+        axes.set_xlim(0, 1.1 * widest)
         axes.margins(y=0.15)
-        axes.grid(axis="x", **_GRID)
+        axes.grid(axis="x", **GRID)
     for axes in grid.flat[len(scenarios) :]:
         axes.set_axis_off()
     grid[0, 0].set_yticks(range(len(names)), names)
     grid[0, 0].invert_yaxis()
     interval = f"bar: {100 * summary['confidence']:.0f} % interval of the mean"
     figure.suptitle(f"{summary['suite']}: {summary['episodes']} paired episodes, {interval}", fontsize=11)
-    return _png(figure)
+    return png(figure)
+
+
+def _widest(rows: Sequence[Mapping[str, Any]]) -> float:
+    """Largest error that the axis shows: that of the policies which mostly stay in their lane, if there are any."""
+    kept = [row for row in rows if row["failure_rate"]["value"] <= 0.5] or rows
+    return max(row["metrics"]["rms_lateral_error"][end] or 0.0 for row in kept for end in ("value", "high"))
 
 
 def plot_episode(title: str, traces: Mapping[str, Trace], control_step: float, lane_width: float) -> bytes:
@@ -86,6 +95,8 @@ def plot_episode(title: str, traces: Mapping[str, Trace], control_step: float, l
         ("speed", "speed [km/h]", 3.6),
         ("curvature_preview_0", "curvature [1/km]", 1000.0),
     )
+    if any("planned_curvature_0" in trace for trace in traces.values()):
+        rows = (*rows[:-1], ("planned_curvature_0", "curvature [1/m]", 1.0))
     figure = Figure(figsize=(9, 8), layout="constrained")
     panels = figure.subplots(len(rows), 1, sharex=True, gridspec_kw={"height_ratios": [2, 1.4, 1, 1]})
     for axes, (key, label, scale) in zip(panels, rows, strict=True):
@@ -94,12 +105,12 @@ def plot_episode(title: str, traces: Mapping[str, Trace], control_step: float, l
                 time = control_step * np.arange(1, len(trace[key]) + 1)
                 axes.plot(time, scale * trace[key], color=colour_of(place), linewidth=1.2, label=name)
         axes.set_ylabel(label)
-        axes.grid(**_GRID)
+        axes.grid(**GRID)
     _mark_lane(panels[0], lane_width)
     panels[-1].set_xlabel("time [s]")
     panels[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False, fontsize=8)
     figure.suptitle(title, fontsize=11)
-    return _png(figure)
+    return png(figure)
 
 
 def plot_map(title: str, road: Road, traces: Mapping[str, Trace], lane_width: float) -> bytes:
@@ -139,10 +150,10 @@ def plot_map(title: str, road: Road, traces: Mapping[str, Trace], lane_width: fl
     below.set_xlabel("arc length [m]")
     below.set_ylabel("lateral error [m]")
     below.set_xlim(0.0, road.length)
-    below.grid(**_GRID)
+    below.grid(**GRID)
     below.legend(ncols=5, fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     figure.suptitle(title, fontsize=11)
-    return _png(figure)
+    return png(figure)
 
 
 def travelled(arc_length: NDArray[np.float64], length: float) -> NDArray[np.float64]:
@@ -154,6 +165,8 @@ def _mark_lane(axes: Axes, lane_width: float) -> None:
     """Lines at the lane's edges where the data come near them, and a range that shows the data."""
     low, high = axes.get_ylim()
     edges: Sequence[float] = (-lane_width / 2, lane_width / 2)
+    if max(-low, high) > 2.0 * lane_width:  # a car that drove off would hide all others
+        axes.set_ylim(max(low, -lane_width), min(high, lane_width))
     for edge in edges:
         if low - 0.3 < edge < high + 0.3:
             axes.axhline(edge, color="#b00000", linewidth=1, linestyle="--")

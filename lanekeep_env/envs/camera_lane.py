@@ -36,7 +36,7 @@ class CameraLaneEnv(LaneKeepEnv):
     | planned_curvature_0 ... 19 | 1/m | of the road's centre line at the rear axle and every 0.5 m ahead of it |
 
     The distance is exact on any road. It is 1.5 m (half of `lane_width`) on the centre of a straight, and until
-    an edge was seen. It is not valid where the edge has no marking, has left the field of view (100 deg) or turns away
+    an edge was seen. It is not valid where the edge has no marking, has left the field of view (110 deg) or turns away
     before the look-ahead point. `sensors` adds noise, a frame rate, latency, lost pictures. `observation="full"` adds
     lateral_error (m), heading_error (rad) and motor_angle (rad). `info` as in `LaneKeepEnv`; the errors are
     those of the REAR AXLE, the point that the published controller keeps on the lane's centre.

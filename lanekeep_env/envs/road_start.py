@@ -162,11 +162,10 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     load_segment(i, low, lanes, counters, road)
     along = s - road[low, at.R_STATION]
     squared = np.float64(lanes[at.SPEED_SQUARED, i]) + lanes[at.SPEED_SQUARED_SLOPE, i] * along
-    v = np.sqrt(max(squared, 0.0))
-    target = v
+    v = target = np.sqrt(max(squared, 0.0))
     if settings[at.SPEED_HIGH] > 0.0:
         target = _set_speed(i, key, np.int64(0), lanes, settings)
-        v = min(v, target)
+        v = min(target, v)
     steer, beta, r = steady_turning(
         v,
         np.float64(lanes[at.CURVATURE, i]) + lanes[at.CURVATURE_SLOPE, i] * along,
@@ -178,9 +177,6 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
         settings[at.MODEL] == at.KINEMATIC or settings[at.MODEL] == at.FRONT_DRIVEN,
     )
     steer = clip(steer, -np.float64(settings[at.COMMAND_LIMIT]), np.float64(settings[at.COMMAND_LIMIT]))
-    forward = v
-    if settings[at.MODEL] == at.FRONT_DRIVEN:  # v is the front wheels'
-        forward, r = v * np.cos(steer), v * np.sin(steer) / np.float64(lanes[at.CAR, i] + lanes[at.CAR + 1, i])
     if np.isnan(lateral):
         lateral = (2.0 * uniform(key, DRAW_LATERAL) - 1.0) * settings[at.START_LATERAL]
     if np.isnan(heading):
@@ -192,7 +188,7 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     lanes[at.YAW_RATE, i] = r
     lanes[at.SPEED, i] = v
     lanes[at.SPEED_TARGET, i] = target
-    lanes[at.ACCELERATION, i] = forward * r
+    lanes[at.ACCELERATION, i] = v * r
     lanes[at.STEER, i] = steer
     lanes[at.STEER_BEFORE, i] = steer
     lanes[at.COMMAND, i] = steer

@@ -4,8 +4,7 @@ Measured order: 4 while a sub-step stays inside one road segment. What comes fro
 the start, middle and end of a sub-step: steering exactly (a held command through a first-order lag),
 speed from the profile at the start and with the profile's acceleration from there (the profile is
 linear in v² over arc length, so a car on the centre line keeps it exactly; any other is set right again
-at the next sub-step), or, ``paced``, towards a set speed with a limited acceleration; the profile is
-then the largest speed.
+at the next sub-step), or, ``paced``, towards a set speed with a limited acceleration, and no faster than the profile.
 Curvature is looked up at every stage.
 """
 
@@ -95,8 +94,7 @@ def integrator(rates: Callable[..., Any], paced: bool = False) -> Callable[..., 
             k, dk = curvature_[i], slope_[i]
             if paced:  # decided when the loop is compiled, as whether there is a gear
                 v = pace_[i]
-                # At the end of the sub-step, so that the car slows down for a bend in time.
-                allowed = _profile_speed(_not_negative(x + h * v), speed_[i], gain_[i])
+                allowed = _profile_speed(_not_negative(x), speed_[i], gain_[i])
                 missing, most = smaller(target_[i], allowed) - v, settings[at.SPEED_CHANGE]
                 v_middle = v + clip(missing, -most * like(h, 0.5), most * like(h, 0.5))
                 v_end = v + clip(missing, -most, most)

@@ -28,7 +28,7 @@ class Camera:
 
     look_ahead: float = 3.5
     edge: str = "right"
-    field_of_view: float = math.radians(100.0)
+    field_of_view: float = math.radians(110.0)
 
     def __post_init__(self) -> None:
         require("camera.look_ahead", self.look_ahead, "m", at_least=0.0, at_most=100.0)
