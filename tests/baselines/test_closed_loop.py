@@ -12,7 +12,6 @@ from lanekeep_baselines.yin_observer import transition
 from lanekeep_env.physics.parameters import VEHICLES
 from lanekeep_env.scenario import CameraLaneScenario, LaneKeepScenario, RoadScenario
 
-
 #: Largest speed, m/s; the van's steering motor, with a lag of 0.25 s, is made for walking speed.
 FASTEST = {"van": 15.0}
 
