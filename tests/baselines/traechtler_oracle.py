@@ -1,7 +1,8 @@
 """The van of Trächtler, Lohmann, Struck 1992 once more, from its geometry alone: nothing of the project is used here.
 
-Left-positive angles and errors; the camera looks at the right edge, `SET` from the path. The van rolls without slip: its
-rear axle moves along the body's axis at v cos(delta), the body turns at v sin(delta)/l, v is the front wheel's speed.
+Angles and errors are positive to the left; the camera looks at the right edge, `SET` from the path. The van rolls
+without slip: its rear axle moves along the body's axis at v cos(delta), the body turns at v sin(delta)/l, v is the
+front wheel's speed.
 """
 
 from __future__ import annotations
