@@ -85,14 +85,17 @@ def limit_cycle(v: float, on_motor: bool, start: float, metres: float, sample: f
     return (max(last) - min(last)) / 2
 
 
-def blind_turn(edge_radius: float, v: float, before: float, after: float) -> tuple[np.ndarray, np.ndarray]:
+def blind_turn(
+    edge_radius: float, v: float, before: float, after: float, timed: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """Return station of the rear axle and its distance left of the path, m, over a right turn by 90 degrees.
 
     All blind (switch S2): the linear model under PD control, driven by the path's curvature REACH ahead of the rear
     axle, gives the command. Straights of ``before`` and ``after`` metres, no backlash; x along the first of them from
-    the start of the turn, whose centre is at y = -r.
+    the start of the turn, whose centre is at y = -r. ``timed``: the plan goes by as v t, as in the source, not with the
+    rear axle's station.
     """
-    h, gear, r = 2e-3, Gear(0.0), edge_radius + SET
+    h, gear, r = 2e-3 / v, Gear(0.0), edge_radius + SET
     x, y, heading, station = -before, 0.0, 0.0, -before
     e = theta = delta = 0.0  # of the model
     stations, errors = [], []
@@ -106,7 +109,8 @@ def blind_turn(edge_radius: float, v: float, before: float, after: float) -> tup
             station, error = r * math.pi / 2 - (y + r), x - r
         stations.append(station)
         errors.append(error)
-        kappa = -1.0 / r if 0.0 <= station + REACH < r * math.pi / 2 else 0.0
+        planned = (v * h * (len(errors) - 1) - before if timed else station) + REACH
+        kappa = -1.0 / r if 0.0 <= planned < r * math.pi / 2 else 0.0
         rate = v * (theta + REACH / WHEELBASE * delta)
         command = -K2 * e - K3 * rate
         x, y, heading = roll(x, y, heading, v, gear.step(command, h), h)
