@@ -185,6 +185,8 @@ def test_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch, package: str) -
     with pytest.raises(ModuleNotFoundError, match=r'pip install "lanekeep\[baselines\]"'):
         lanekeep_baselines.make("yin-lqr-observer", SCENARIO)
     assert lanekeep_baselines.make("pd", SCENARIO).name == "pd"
+    assert "pd" in lanekeep_baselines.names(SCENARIO) and "yin-lqr" not in lanekeep_baselines.names(SCENARIO)
+    assert lanekeep_baselines.names(CAMERA) == tuple(name for name in SCENARIOS if name.startswith("traechtler"))
 
 
 @every_policy
