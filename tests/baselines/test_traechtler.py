@@ -33,13 +33,14 @@ def test_rear_wheel_keeps_its_distance_in_steady_curves(bench, oracle, edge_radi
     assert error == pytest.approx(oracle.stationary(edge_radius, turn), abs=1e-5)
 
 
-def test_lowered_gains_cost_a_rear_offset(bench) -> None:
-    """(l + f)²/2 (1/k - 1) kappa, outwards, with a share k = 0.8 of the gains at 6 m/s."""
+@pytest.mark.parametrize(("speed", "share"), [(3.0, 0.9), (6.0, 0.8), (8.0, 0.8)])
+def test_lowered_gains_cost_a_rear_offset(bench, speed: float, share: float) -> None:
+    """(l + f)²/2 (1/k - 1) kappa, outwards, with a share k of the gains."""
     offsets = []
     for name in ("traechtler-pd", "traechtler-pd-lowered"):
         road = {"kind": "circle", "radius": 200.0}
-        offsets.append(bench.drive_van(name, 30.0, vehicle=SMOOTH, speed=6.0, road=road).lateral[-1])
-    assert offsets[1] - offsets[0] == pytest.approx(-(6.5**2) / 2 * (1.0 / 0.8 - 1.0) / 200.0, rel=0.02)
+        offsets.append(bench.drive_van(name, 40.0, vehicle=SMOOTH, speed=speed, road=road).lateral[-1])
+    assert offsets[1] - offsets[0] == pytest.approx(-(6.5**2) / 2 * (1.0 / share - 1.0) / 200.0, rel=0.02)
 
 
 def test_damping_falls_with_speed_without_the_derivative_part(oracle) -> None:
@@ -63,7 +64,7 @@ LIMIT_CYCLES |= {("road_wheel", 2.0): 0.023, ("road_wheel", 4.0): 0.043, ("road_
 
 @pytest.mark.parametrize(("feedback", "speed"), LIMIT_CYCLES)
 def test_backlash_makes_a_limit_cycle(bench, oracle, feedback: str, speed: float) -> None:
-    """The figures are for a controller in continuous time; sampling at 40 ms and the D part's filter change 8 %.
+    """The figures are for a controller in continuous time; sampling at 40 ms and the D part's filter change 5 %.
 
     The same sampling and filter in the independent simulation leave 2 %.
     """
@@ -71,7 +72,7 @@ def test_backlash_makes_a_limit_cycle(bench, oracle, feedback: str, speed: float
     drive = bench.drive_van("traechtler-pd", 250.0 / speed, vehicle=van, speed=speed, road="straight", start=(0.3, 0.0))
     edge = drive.seen[int(0.6 * len(drive.seen)) :, 0]
     found = (edge.max() - edge.min()) / 2
-    assert found == pytest.approx(LIMIT_CYCLES[feedback, speed], rel=0.08)
+    assert found == pytest.approx(LIMIT_CYCLES[feedback, speed], rel=0.05)
     truth = oracle.limit_cycle(speed, feedback == "motor", start=0.3, metres=250.0, sample=0.04, smooth=0.1)
     assert found == pytest.approx(truth, rel=0.02)
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import lanekeep_baselines
 from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator
@@ -108,6 +109,34 @@ def test_a_wrong_wheelbase_in_the_policy_leaves_the_van_in_its_lane(bench, name,
         drift = abs(factor - 1.0) * (edge_radius + 1.5 + math.pi / 2 * 6.5)
         assert turn.all_along < min(1.5, WITHIN[edge_radius] + drift), edge_radius
         assert turn.later < 0.1, edge_radius
+
+
+def test_the_simulated_loop_goes_on_from_what_was_seen_and_the_d_part_from_the_simulation() -> None:
+    """At 4 m/s e has grown by 0.2 m/s with 0.04 rad of steering; then no edge for 0.8 s on a plan of 0.02 1/m.
+
+    At its return the edge is 0.1 m further than in the simulation: that jumps the command by -0.1 K2, and no more.
+    """
+    scenario = CameraLaneScenario()
+    policy = lanekeep_baselines.make("traechtler-blind", scenario)
+    row = dict.fromkeys((channel.name for channel in scenario.channels), 0.0)
+    row |= {name: 0.02 for name in row if name.startswith("planned")}
+    row |= {"speed": 4.0, "steering_angle": 0.04, "edge_valid": 1.0}
+    k2, lag, step, v, reach = 6.0 / 6.5**2, 0.25, 0.04, 4.0, 6.5
+    a = np.array([[0.0, v, v * reach / 3.0, 0.0, 0.0], [0.0, 0.0, v / 3.0, 0.0, -v], [0.0, 0.0, -4.0, 4.0, 0.0]])
+    onwards = expm(np.vstack([a, np.zeros((2, 5))]) * step)
+    state, model = None, np.array([0.0, 0.2 / v - reach / 3.0 * 0.04, 0.04, 0.0, 0.02])
+    for k in range(50):
+        model[0] = 0.2 * step * k
+        action, state = policy.predict(list((row | {"edge_distance": 1.5 + model[0]}).values()), state)
+    for k in range(21):
+        model[3] = float(action[0]) * scenario.max_steering_angle
+        model = onwards @ model
+        rate = v * (model[1] + reach / 3.0 * model[2])
+        off = 0.1 if k == 20 else 0.0
+        seen = {"edge_distance": 1.5 + model[0] + off, "edge_valid": 1.0} if off else {"edge_valid": 0.0}
+        action, state = policy.predict(list((row | {"steering_angle": 0.3} | seen).values()), state)
+        command = float(action[0]) * scenario.max_steering_angle
+        assert command == pytest.approx(-k2 * (model[0] + off) - lag * k2 * rate, abs=1e-4), k
 
 
 @pytest.mark.parametrize("name", ["traechtler-blind", "traechtler-inverse"])

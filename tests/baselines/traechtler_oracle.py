@@ -65,7 +65,8 @@ def roll(x: float, y: float, heading: float, v: float, delta: float, h: float) -
 def limit_cycle(v: float, on_motor: bool, start: float, metres: float, sample: float, smooth: float) -> float:
     """Return half the peak-to-peak of the edge's distance, m, over the last 40 % of a straight road.
 
-    Controller with a sample time (s) and an exactly discretised filter of the D part with time constant ``smooth`` (s).
+    Controller with a sample time (s) and an exactly discretised filter of the D part, of time constant ``smooth`` (s),
+    true on a steady rate.
     """
     h, gear = 2e-3, Gear(GAP, on_motor)
     every, share = round(sample / h), 1.0 - math.exp(-sample / smooth)
@@ -76,7 +77,7 @@ def limit_cycle(v: float, on_motor: bool, start: float, metres: float, sample: f
         distance = (y + REACH * math.sin(heading)) / math.cos(heading)
         if i % every == 0:
             filtered = distance if filtered is None else filtered
-            rate = (distance - filtered) / smooth
+            rate = (distance - filtered) * share / sample
             filtered += share * (distance - filtered)
             command = K2 * (SET - distance) - K3 * rate
         seen.append(distance)
