@@ -34,7 +34,7 @@ _POLICIES = {
 
 
 def names(scenario: Scenario | None = None) -> tuple[str, ...]:
-    """Return the names that `make` knows, or those of them that can drive ``scenario``."""
+    """Return the names that `make` knows, or those of them that can drive ``scenario`` with what is installed."""
     if scenario is None:
         return tuple(_POLICIES)
     return tuple(name for name in _POLICIES if _drives(name, scenario))
@@ -43,7 +43,7 @@ def names(scenario: Scenario | None = None) -> tuple[str, ...]:
 def _drives(name: str, scenario: Scenario) -> bool:
     try:
         make(name, scenario)
-    except ValueError:
+    except (ValueError, ModuleNotFoundError):
         return False
     return True
 
