@@ -93,7 +93,7 @@ def test_van_and_linear_model_agree_in_the_limit_of_small_curvature(bench, turn:
         linear = linear_drive(CameraLaneScenario(**settings), curvature, np.array([speed]), len(seen))
         differences.append(np.abs(seen - linear).max() / abs(curvature[0]))
     order = np.diff(np.log(differences)) / np.diff(np.log(1.0 / radii))
-    # Linear in the limit: a kappa + b kappa² has order 1 + b kappa/a, which halves its distance from 1 with the curvature.
+    # Linear in the limit: a kappa + b kappa² has order 1 + b kappa/a, halfway to 1 with half the curvature.
     assert 2.0 * order[0] - order[1] > 0.99, order
     assert (order > 0.9).all(), order
     assert (np.diff(differences) > 0.0).all()

@@ -19,8 +19,8 @@ def test_the_camera_shows_what_the_plan_says_on_the_path(spacing: float, plan: i
     """On yards of random bends, to the plan's sampling error.
 
     Where curvature jumps by k between two samples, half a spacing h of it is wrong at the most: a heading of k h/2, and
-    that times as many metres as the look-ahead point is ahead, 6.5. Without jumps, 4 mm. (A wider camera looks along the
-    edges of the tightest bends, where a small error of place is a large one of distance.)
+    that times as many metres as the look-ahead point is ahead, 6.5. Without jumps, 4 mm. (A wider camera looks along
+    the edges of the tightest bends, where a small error of place is a large one of distance.)
     """
     camera = {"edge": edge, "field_of_view": np.radians(100.0)}
     settings = {"plan": plan, "plan_spacing": spacing, "camera": camera}
