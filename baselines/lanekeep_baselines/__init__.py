@@ -34,7 +34,7 @@ _POLICIES = {
 
 
 def names(scenario: Scenario | None = None) -> tuple[str, ...]:
-    """Return the names that `make` knows, or those of them that can drive ``scenario``."""
+    """Return the names that `make` knows, or those of them that can drive ``scenario`` with what is installed."""
     if scenario is None:
         return tuple(_POLICIES)
     return tuple(name for name in _POLICIES if _drives(name, scenario))
@@ -43,7 +43,7 @@ def names(scenario: Scenario | None = None) -> tuple[str, ...]:
 def _drives(name: str, scenario: Scenario) -> bool:
     try:
         make(name, scenario)
-    except ValueError:
+    except (ValueError, ModuleNotFoundError):
         return False
     return True
 
@@ -52,7 +52,7 @@ def make(name: str, scenario: Scenario) -> Policy:
     """Design the controller ``name`` for the vehicle, the channels and the control step of ``scenario``.
 
     Raises:
-        ValueError: unknown name (the nearest one is named), or a channel that the scenario does not observe.
+        ValueError: unknown name (the nearest one is named), or a channel or field that the scenario does not have.
         ModuleNotFoundError: the controller's design needs a package of the extra `lanekeep[baselines]`.
     """
     if name not in _POLICIES:
@@ -68,5 +68,13 @@ def make(name: str, scenario: Scenario) -> Policy:
         raise ModuleNotFoundError(
             f'policy {name!r} needs the package {error.name!r}: pip install "lanekeep[baselines]"', name=error.name
         ) from error
-    policy: Policy = build(scenario)
+    try:
+        policy: Policy = build(scenario)
+    except AttributeError as error:
+        if error.obj is not scenario:
+            raise
+        raise ValueError(
+            f"policy {name!r} is not for {type(scenario).__name__}, which has no {error.name!r}; "
+            "allowed: what names(scenario) lists"
+        ) from error
     return policy

@@ -62,6 +62,8 @@ class TraechtlerPd(SteeringPolicy):
         self._limit = scenario.max_steering_angle
         self._step = scenario.control_step
         self._follow = 1.0 - float(np.exp(-scenario.control_step / FILTER))
+        # By which the filter's lag is divided for the rate: FILTER in the limit, and exact on a steady rate.
+        self._smoothing = scenario.control_step / self._follow
 
     def feedback(self, deviation: Floats, rate: Floats, v: Floats) -> Floats:
         """Return the road-wheel angle asked for, rad, for e (m), e' (m/s) and the speed (m/s)."""
@@ -75,7 +77,7 @@ class TraechtlerPd(SteeringPolicy):
         valid = at["edge_valid"] > 0.5
         anew = fresh | (valid & (memory[:, 1] < 0.5))
         filtered = np.where(anew, deviation, memory[:, 0])
-        rate = (deviation - filtered) / FILTER
+        rate = (deviation - filtered) / self._smoothing
         filtered = filtered + self._follow * (deviation - filtered)
         return self.feedback(deviation, rate, at["speed"]), np.stack([filtered, valid], axis=1)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats
-from lanekeep_baselines.traechtler import FILTER, CameraScenario, TraechtlerPd
+from lanekeep_baselines.traechtler import CameraScenario, TraechtlerPd
 
 
 class Planned(TraechtlerPd):
@@ -81,9 +81,9 @@ class TraechtlerBlind(Planned):
         simulated = model.rate(heading, angle, v)
         # In sight: the measured deviation and its filtered rate, which starts from the model's after a blind stretch.
         back = valid & (memory[:, 7] < 0.5)
-        filtered = np.where(back, seen - FILTER * simulated, memory[:, 6])
+        filtered = np.where(back, seen - self._smoothing * simulated, memory[:, 6])
         filtered = np.where(fresh, seen, filtered)
-        measured = (seen - filtered) / FILTER
+        measured = (seen - filtered) / self._smoothing
         filtered = filtered + self._follow * (seen - filtered)
         deviation, rate = np.where(valid, seen, e), np.where(valid, measured, simulated)
         slow = v < self.slowest

@@ -177,6 +177,9 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
         settings[at.MODEL] == at.KINEMATIC or settings[at.MODEL] == at.FRONT_DRIVEN,
     )
     steer = clip(steer, -np.float64(settings[at.COMMAND_LIMIT]), np.float64(settings[at.COMMAND_LIMIT]))
+    forward = v
+    if settings[at.MODEL] == at.FRONT_DRIVEN:  # v is the front wheels'
+        forward, r = v * np.cos(steer), v * np.sin(steer) / np.float64(lanes[at.CAR, i] + lanes[at.CAR + 1, i])
     if np.isnan(lateral):
         lateral = (2.0 * uniform(key, DRAW_LATERAL) - 1.0) * settings[at.START_LATERAL]
     if np.isnan(heading):
@@ -188,7 +191,7 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     lanes[at.YAW_RATE, i] = r
     lanes[at.SPEED, i] = v
     lanes[at.SPEED_TARGET, i] = target
-    lanes[at.ACCELERATION, i] = v * r
+    lanes[at.ACCELERATION, i] = forward * r
     lanes[at.STEER, i] = steer
     lanes[at.STEER_BEFORE, i] = steer
     lanes[at.COMMAND, i] = steer

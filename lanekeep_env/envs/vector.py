@@ -209,9 +209,8 @@ class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             return
         observations = np.full(self.num_envs, None, dtype=object)
         rows = self._core.outcome_rows
-        final = outcome[2 * rows :].T.astype(np.float32)
-        for lane in np.flatnonzero(ended):
-            observations[lane] = final[lane]
+        for lane in np.flatnonzero(ended):  # the other columns were never written
+            observations[lane] = outcome[2 * rows :, lane].astype(np.float32)
         infos["final_obs"], infos["_final_obs"] = observations, ended
         truth = np.where(ended, outcome[rows : 2 * rows], 0.0)
         infos["final_info"], infos["_final_info"] = self._infos(truth, ended), ended

@@ -143,6 +143,9 @@ class Road:
     def without_marking(self, stretches: ArrayLike) -> Road:
         """Return the same curve with no visible edge on ``stretches``, from and to in m of arc length, (k, 2)."""
         stretches = np.asarray(stretches, dtype=np.float64).reshape(-1, 2).clip(0.0, self.length)
+        # A border of the road stays where it is: what comes within a micrometre of it is moved there.
+        nearest = self.stations[np.abs(stretches[..., None] - self.stations).argmin(axis=-1)]
+        stretches = np.where(np.abs(stretches - nearest) < 1e-6, nearest, stretches)
         cuts = np.unique(np.concatenate([self.stations, stretches.ravel()]))
         cuts = cuts[np.concatenate([[True], np.diff(cuts) > 1e-6])]
         cuts[-1] = self.length

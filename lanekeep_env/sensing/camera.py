@@ -8,7 +8,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
 from lanekeep_env.physics.numeric import sin_cos
 
-# Gauss-Legendre nodes and weights on [-1, 1]; over a turn of 1 rad the error is below 1e-12 of the way.
+# Gauss-Legendre nodes and weights on [-1, 1]; over the longest pieces taken below the error is 4e-12 of the way.
 _NODES = (-0.906179845938664, -0.5384693101056831, 0.0, 0.5384693101056831, 0.906179845938664)
 _WEIGHTS = (0.2369268850561891, 0.4786286704993665, 0.5688888888888889, 0.4786286704993665, 0.2369268850561891)
 
@@ -61,7 +61,7 @@ def edge_distance(i, lanes, counters, road, camera):
             distance = distance if offset > 0.0 else -distance
             seen = abs(distance) <= widest and camera[at.CAMERA_SIZE + segment] > 0.0
             return distance if seen else np.nan
-        way = max(min(way, 0.7 / (abs(kappa) + 1e-9), np.sqrt(0.6 / (abs(slope) + 1e-9))), -u)
+        way = max(min(way, 0.7 / (abs(kappa) + 1e-9), np.sqrt(0.2 / (abs(slope) + 1e-9))), -u)
         leaves = way >= length - u
         way = length - u if leaves else way
         step_x, step_y = _chord(angle, kappa, slope, way)
@@ -69,9 +69,9 @@ def edge_distance(i, lanes, counters, road, camera):
         y += step_y
         angle += (kappa + 0.5 * slope * way) * way
         u += way
-        if leaves:
+        sine, cosine = sin_cos(angle)
+        if leaves and x - offset * sine < reach:  # else Newton went too far, and the place is in this segment
             segment = np.int64(road[segment, at.R_NEXT])
             length, kappa0 = np.float64(road[segment, at.R_LENGTH]), np.float64(road[segment, at.R_CURVATURE])
             slope, u = np.float64(road[segment, at.R_CURVATURE_SLOPE]), 0.0
-        sine, cosine = sin_cos(angle)
     return np.nan

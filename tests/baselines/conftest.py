@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import importlib.util
+import math
 from collections.abc import Callable
-from types import SimpleNamespace
-from typing import Any
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any, ClassVar
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
+import lanekeep_baselines
+import lanekeep_env  # noqa: F401  (registers the environments)
 from lanekeep_env.physics.parameters import VehicleParameters
+from lanekeep_env.roads.generators import RoadRecord
+from lanekeep_env.roads.road import Road
 from lanekeep_env.scenario import LaneKeepScenario
 
 
@@ -121,7 +130,67 @@ def closed_loop(policy: Any, scenario: LaneKeepScenario, car: LinearCar) -> np.n
     return np.concatenate([after, command[:, None], memory], axis=1).T / small
 
 
+@dataclass(frozen=True)
+class Bend(RoadRecord):
+    """A straight of ``before`` metres, an arc (radius in m, left positive; by ``turn`` rad), a straight of 200 m."""
+
+    kind: ClassVar[str] = "bend"
+    before: float
+    radius: float
+    turn: float = math.pi / 2
+    marked: bool = True
+
+    def build(self) -> tuple[Road, ...]:
+        arc = abs(self.radius) * self.turn
+        curvature = np.array([0.0, 1.0 / self.radius, 0.0])
+        road = Road("bend", np.array([self.before, arc, 200.0]), curvature, curvature)
+        return (road if self.marked else road.without_marking([[self.before, self.before + arc + 200.0]]),)
+
+
+def drive_van(
+    policy: Any, seconds: float, env: str = "CameraLane", start: tuple[float, float] = (0.0, 0.0), **scenario: Any
+) -> SimpleNamespace:
+    """Drive an environment from the road's beginning; ``policy`` is a name or one that was made.
+
+    Returns:
+        What the policy saw and what was true, a value a control step: seen (n, channels), lateral, heading (of the
+        rear axle), station, command (rad) and the policy's state (n, memory); and the scenario.
+    """
+    scenario = {"departure": "off", "episode_steps": 100_000, **scenario}
+    made = gym.make(f"lanekeep/{env}-v0", disable_env_checker=True, **scenario).unwrapped
+    if isinstance(policy, str):
+        policy = lanekeep_baselines.make(policy, made.scenario)
+    seen, info = made.reset(seed=0, options={"lateral_error": start[0], "heading_error": start[1], "arc_length": 0.0})
+    state, rows = None, []
+    for _ in range(round(seconds / made.scenario.control_step)):
+        action, state = policy.predict(seen, state)
+        command = float(action[0]) * made.scenario.max_steering_angle
+        rows.append((seen, info["lateral_error"], info["heading_error"], info["arc_length"], command, state))
+        seen, _, _, _, info = made.step(np.clip(action, -1.0, 1.0))
+    made.close()
+    names = ("seen", "lateral", "heading", "station", "command", "state")
+    columns = {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
+    return SimpleNamespace(scenario=made.scenario, **columns)
+
+
 @pytest.fixture(scope="session")
 def bench() -> SimpleNamespace:
     """The tools above, as importlib mode lets no test import this file."""
-    return SimpleNamespace(LinearCar=LinearCar, KinematicCar=KinematicCar, drive=drive, closed_loop=closed_loop)
+    return SimpleNamespace(
+        LinearCar=LinearCar,
+        KinematicCar=KinematicCar,
+        drive=drive,
+        closed_loop=closed_loop,
+        Bend=Bend,
+        drive_van=drive_van,
+    )
+
+
+@pytest.fixture(scope="session")
+def oracle() -> ModuleType:
+    """The camera-guided van, simulated without any of the project's code."""
+    spec = importlib.util.spec_from_file_location("traechtler_oracle", Path(__file__).parent / "traechtler_oracle.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,21 +14,34 @@ from hypothesis import strategies as st
 
 import lanekeep_baselines
 from lanekeep_baselines.table import Table, weighted_sum
-from lanekeep_env.physics.parameters import vehicle_from
-from lanekeep_env.scenario import LaneKeepScenario
+from lanekeep_env.scenario import CameraLaneScenario, LaneKeepScenario
 
 SCENARIO = LaneKeepScenario(preview=2)
-POLICIES = {name: lanekeep_baselines.make(name, SCENARIO) for name in lanekeep_baselines.names()}
+CAMERA = CameraLaneScenario()
+SCENARIOS = {name: scenario for scenario in (SCENARIO, CAMERA) for name in lanekeep_baselines.names(scenario)}
+POLICIES = {name: lanekeep_baselines.make(name, scenario) for name, scenario in SCENARIOS.items()}
 every_policy = pytest.mark.parametrize("name", POLICIES)
 
 
-def rows(seed: int, n: int, steps: int = 1) -> np.ndarray:
-    """Observations (steps, n, channels), float32, spread over most of what a drive can show."""
-    spread = [2.0, 0.3, 0.5, 0.0, 0.15, 0.15, 0.02, 0.02]
+def rows(name: str, seed: int, n: int, steps: int = 1) -> np.ndarray:
+    """Observations (steps, n, channels), float32, spread over most of what a drive can show to the policy."""
     random = np.random.default_rng(seed)
-    observation = random.normal(size=(steps, n, 8)) * spread
-    observation[..., 3] = random.uniform(0.0, 65.0, size=(steps, n))
+    channels = [channel.name for channel in SCENARIOS[name].channels]
+    spread = {"lateral_error": 2.0, "heading_error": 0.3, "yaw_rate": 0.5, "edge_distance": 1.0}
+    spread |= {"steering_angle": 0.15, "steering_command": 0.15}
+    curved = 0.02 if SCENARIOS[name] is SCENARIO else 0.07
+    observation = random.normal(size=(steps, n, len(channels))) * [spread.get(channel, curved) for channel in channels]
+    fastest = 65.0 if SCENARIOS[name] is SCENARIO else 6.0
+    observation[..., channels.index("speed")] = random.uniform(0.0, fastest, size=(steps, n))
+    if "edge_valid" in channels:
+        observation[..., channels.index("edge_distance")] += CAMERA.set_distance
+        observation[..., channels.index("edge_valid")] = random.random(size=(steps, n)) < 0.6
     return observation.astype(np.float32)
+
+
+def column(name: str, channel: str) -> int:
+    """Return the place of a channel in what the policy observes."""
+    return [one.name for one in SCENARIOS[name].channels].index(channel)
 
 
 def run(policy, observations, starts=None):
@@ -48,7 +62,7 @@ def bits(array):
 @given(seed=st.integers(0, 2**32), n=st.integers(1, 70), cut=st.integers(0, 69))
 def test_rows_do_not_know_of_each_other(name: str, seed: int, n: int, cut: int) -> None:
     cut = min(cut, n - 1)
-    policy, observations = POLICIES[name], rows(seed, n, steps=4)
+    policy, observations = POLICIES[name], rows(name, seed, n, steps=4)
     actions, state = run(policy, observations)
     assert actions.shape == (4, n, 1) and actions.dtype == np.float32
     part, part_state = run(policy, observations[:, cut:])
@@ -61,7 +75,7 @@ def test_rows_do_not_know_of_each_other(name: str, seed: int, n: int, cut: int) 
 
 @every_policy
 def test_a_large_batch_equals_its_rows(name: str) -> None:
-    observations = rows(0, 1024, steps=3)
+    observations = rows(name, 0, 1024, steps=3)
     actions, _ = run(POLICIES[name], observations)
     for i in (0, 1, 7, 511, 1023):
         assert bits(run(POLICIES[name], observations[:, i])[0]) == bits(actions[:, i])
@@ -71,16 +85,20 @@ def test_a_large_batch_equals_its_rows(name: str) -> None:
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32))
 def test_left_and_right_are_alike(name: str, seed: int) -> None:
-    observations = rows(seed, 5, steps=4)
-    mirrored = -observations
-    mirrored[..., 3] *= -1.0
-    np.testing.assert_array_equal(run(POLICIES[name], mirrored)[0], -run(POLICIES[name], observations)[0])
+    """A camera in the mirror looks at the left edge; distance, validity and speed are the same there."""
+    observations = rows(name, seed, 5, steps=4)
+    mirrored, other = -observations, POLICIES[name]
+    for same in {"speed", "edge_distance", "edge_valid"} & {channel.name for channel in SCENARIOS[name].channels}:
+        mirrored[..., column(name, same)] *= -1.0
+    if SCENARIOS[name] is CAMERA:
+        other = lanekeep_baselines.make(name, replace(CAMERA, camera=replace(CAMERA.camera, edge="left")))
+    np.testing.assert_array_equal(run(other, mirrored)[0], -run(POLICIES[name], observations)[0])
 
 
 @every_policy
 def test_pure(name: str) -> None:
     policy = POLICIES[name]
-    first, second, other = rows(1, 6, steps=3)
+    first, second, other = rows(name, 1, 6, steps=3)
     _, state = policy.predict(first)
     for array in (first, second) if state is None else (first, second, state):
         array.setflags(write=False)
@@ -94,7 +112,9 @@ def test_pure(name: str) -> None:
 @every_policy
 def test_episode_start_resets_just_those_rows(name: str) -> None:
     policy = POLICIES[name]
-    observations = rows(2, 6, steps=5)
+    observations = rows(name, 2, 6, steps=5)
+    if SCENARIOS[name] is CAMERA:
+        observations[2:, :, column(name, "edge_valid")] = 1.0  # an edge that comes back would start anew as well
     starts = np.zeros((5, 6), dtype=bool)
     starts[3, [1, 4]] = True
     plain, _ = run(policy, observations)
@@ -105,7 +125,7 @@ def test_episode_start_resets_just_those_rows(name: str) -> None:
     assert bits(reset[:, others]) == bits(plain[:, others])
     assert bits(reset[3:, started]) == bits(fresh[:, started])
     if policy.memory:
-        assert (reset[4, started] != plain[4, started]).all()
+        assert (reset[3:, started] != plain[3:, started]).any(axis=0).all()
     one, state = policy.predict(observations[0, 0])
     assert bits(policy.predict(observations[1, 0], state, True)[0]) == bits(policy.predict(observations[1, 0])[0])
     assert one.shape == (1,)
@@ -113,18 +133,19 @@ def test_episode_start_resets_just_those_rows(name: str) -> None:
 
 @every_policy
 def test_steering_rate_asks_for_the_same_angle(name: str) -> None:
-    scenario = LaneKeepScenario(preview=2, action="steering_rate", max_steering_rate=0.3)
+    scenario = replace(SCENARIOS[name], action="steering_rate", max_steering_rate=0.3)
     policy = lanekeep_baselines.make(name, scenario)
-    observations = rows(3, 20, steps=4)
-    angles = run(POLICIES[name], observations)[0][..., 0] * SCENARIO.max_steering_angle
+    observations = rows(name, 3, 20, steps=4)
+    angles = run(POLICIES[name], observations)[0][..., 0] * scenario.max_steering_angle
     rates = run(policy, observations)[0][..., 0] * scenario.max_steering_rate
-    np.testing.assert_allclose(observations[..., 5] + rates * scenario.control_step, angles, rtol=1e-4, atol=1e-6)
+    before = observations[..., column(name, "steering_command")]
+    np.testing.assert_allclose(before + rates * scenario.control_step, angles, rtol=1e-4, atol=1e-6)
 
 
 @every_policy
 def test_steering_column_gear_changes_nothing(name: str) -> None:
-    geared = LaneKeepScenario(vehicle=vehicle_from({"steering_ratio": 1.0}), preview=2)
-    observations = rows(4, 5, steps=3)
+    geared = replace(SCENARIOS[name], vehicle=replace(SCENARIOS[name].vehicle, steering_ratio=1.0))
+    observations = rows(name, 4, 5, steps=3)
     assert bits(run(lanekeep_baselines.make(name, geared), observations)[0]) == bits(
         run(POLICIES[name], observations)[0]
     )
@@ -132,9 +153,14 @@ def test_steering_column_gear_changes_nothing(name: str) -> None:
 
 @every_policy
 def test_copies_and_pickles(name: str) -> None:
-    observations = rows(5, 3, steps=2)
+    observations = rows(name, 5, 3, steps=2)
     for policy in (copy.deepcopy(POLICIES[name]), pickle.loads(pickle.dumps(POLICIES[name]))):
         assert bits(run(policy, observations)[0]) == bits(run(POLICIES[name], observations)[0])
+
+
+def test_every_policy_has_its_scenario() -> None:
+    assert sorted(SCENARIOS) == sorted(lanekeep_baselines.names())
+    assert not set(lanekeep_baselines.names(SCENARIO)) & set(lanekeep_baselines.names(CAMERA))
 
 
 def test_unknown_name_names_the_nearest() -> None:
@@ -147,6 +173,8 @@ def test_unknown_name_names_the_nearest() -> None:
 def test_missing_channel_says_what_to_do() -> None:
     with pytest.raises(ValueError, match=r"curvature_preview_0.*preview=1 or more"):
         lanekeep_baselines.make("yin-lqr-feedforward", LaneKeepScenario())
+    with pytest.raises(ValueError, match=r"'traechtler-pd' needs the channel 'edge_distance'.*channels: lateral_error"):
+        lanekeep_baselines.make("traechtler-pd", SCENARIO)
 
 
 @pytest.mark.parametrize("package", ["control", "scipy.linalg"])
@@ -157,16 +185,19 @@ def test_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch, package: str) -
     with pytest.raises(ModuleNotFoundError, match=r'pip install "lanekeep\[baselines\]"'):
         lanekeep_baselines.make("yin-lqr-observer", SCENARIO)
     assert lanekeep_baselines.make("pd", SCENARIO).name == "pd"
+    assert "pd" in lanekeep_baselines.names(SCENARIO) and "yin-lqr" not in lanekeep_baselines.names(SCENARIO)
+    assert lanekeep_baselines.names(CAMERA) == tuple(name for name in SCENARIOS if name.startswith("traechtler"))
 
 
 @every_policy
 def test_wrong_shapes_are_refused(name: str) -> None:
     policy = POLICIES[name]
-    for shape in [(7,), (3, 9), (2, 3, 8), ()]:
+    channels = len(SCENARIOS[name].channels)
+    for shape in [(channels - 1,), (3, channels + 1), (2, 3, channels), ()]:
         with pytest.raises(ValueError, match="observation has shape"):
             policy.predict(np.zeros(shape, dtype=np.float32))
     with pytest.raises(ValueError, match="state has shape"):
-        policy.predict(rows(0, 4)[0], np.zeros((3, policy.memory)))
+        policy.predict(rows(name, 0, 4)[0], np.zeros((3, policy.memory)))
 
 
 @given(at=st.floats(-100.0, 100.0))

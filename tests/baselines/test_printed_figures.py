@@ -117,7 +117,7 @@ def test_sine_roads_on_the_full_car(bench, name: str, control_step: float) -> No
         assert np.abs(lateral[:, 0]).max() == pytest.approx(3.15, rel=0.01)
 
 
-@pytest.mark.parametrize("name", lanekeep_baselines.names())
+@pytest.mark.parametrize("name", lanekeep_baselines.names(LaneKeepScenario(preview=1)))
 def test_scenario_a_ends_with_no_remaining_error(bench, name: str) -> None:
     """Straight road, 60 km/h, 1.5 m off."""
     scenario = LaneKeepScenario(preview=1)

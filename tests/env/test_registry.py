@@ -44,22 +44,46 @@ ON_A_ROAD = {
     "episode_steps": [300],
     "dtype": ["float32"],
 }
+BY_CAMERA = {
+    **{
+        key: ON_A_ROAD[key] for key in ("action", "departure", "observation", "randomisation", "dtype", "episode_steps")
+    },
+    **{key: ON_A_ROAD[key] for key in ("cost_weight", "cost_cap", "max_steering_angle", "max_steering_rate")},
+    "vehicle": ["yin", {"base": "van", "steering": {"lag": 0.1, "delay": 0.05, "backlash": 0.1, "feedback": "motor"}}],
+    "road": [{"kind": "circle", "radius": -12.0}, {"kind": "turn-off", "lost": 2.0}, {"kind": "yard", "count": 8}],
+    "speed": [4.0, {"minimum": 1.0, "hold": 2.0, "standstill": 0.3, "lateral_acceleration": 1.5}],
+    "start_lateral_error": [0.2],
+    "start_course_error": [0.1],
+    "lane_width": [2.75],
+    "reference_lateral_error": [0.3],
+    "reference_steering_rate": [0.3],
+    "sensors": ["poor", {"edge_distance": {"delay": 0.08}}],
+    "control_step": [0.02],
+    "camera": [{"edge": "left"}, {"look_ahead": 2.0, "field_of_view": 1.2}],
+    "plan": [4],
+    "plan_spacing": [0.7],
+}
 #: Every option of an id with a value beside its default.
-OPTIONS = {"lanekeep/LaneKeep-v0": ON_A_ROAD, "lanekeep/RoadWorks-v0": ON_A_ROAD}
+OPTIONS = {
+    "lanekeep/LaneKeep-v0": ON_A_ROAD,
+    "lanekeep/RoadWorks-v0": ON_A_ROAD,
+    "lanekeep/CameraLane-v0": BY_CAMERA,
+    "lanekeep/TurnOff-v0": BY_CAMERA,
+}
 
 
-def checked(env):
-    """Gymnasium's checker with its warnings as errors, except that nothing is drawn yet."""
+def checked(env, drawn=False):
+    """Gymnasium's checker with its warnings as errors; ``drawn`` with pictures, at most of the time."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", message=".*render.*")
-        check_env(env.unwrapped)
+        check_env(env.unwrapped, skip_render_check=not drawn)
 
 
 @pytest.mark.parametrize("name", IDS)
 def test_defaults_run_vector_pickle_and_copy(name):
     env = gym.make(name)
-    checked(env)
+    checked(env, drawn=True)
     env.reset(seed=5)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(60)]
@@ -98,18 +122,40 @@ def test_channels_name_the_observation(name):
 
 
 def each_option_and_pairs(name):
-    single = [(key, value) for key, values in OPTIONS[name].items() for value in values]
-    yield from ([one] for one in single)
-    yield from ([a, b] for a, b in itertools.combinations(single, 2) if a[0] != b[0])
+    """Each value alone, then few keyword sets among which every pair of values occurs, defaults included."""
+    options = OPTIONS[name]
+    yield from ({key: value} for key, values in options.items() for value in values)
+    places = {key: range(len(values) + 1) for key, values in options.items()}  # the last one is the default
+    spots = [(key, place) for key in places for place in places[key]]
+    missing = dict.fromkeys((a, b) for a, b in itertools.combinations(spots, 2) if a[0] != b[0])
+    while missing:
+        row = dict(next(iter(missing)))
+        for key in [key for key in places if key not in row]:
+            pairs = {
+                place: sum((a, (key, place)) in missing or ((key, place), a) in missing for a in row.items())
+                for place in places[key]
+            }
+            row[key] = max(pairs, key=pairs.__getitem__)
+        missing = {(a, b): None for a, b in missing if row[a[0]] != a[1] or row[b[0]] != b[1]}
+        yield {key: options[key][place] for key, place in row.items() if place < len(options[key])}
+
+
+def test_every_pair_of_values_is_tried():
+    for name in IDS:
+        tried = [{key: repr(value) for key, value in chosen.items()} for chosen in each_option_and_pairs(name)]
+        assert len(tried) < 80
+        for (a, some), (b, others) in itertools.combinations(OPTIONS[name].items(), 2):
+            for first, second in itertools.product([*map(repr, some), None], [*map(repr, others), None]):
+                assert any(row.get(a) == first and row.get(b) == second for row in tried), (a, first, b, second)
 
 
 @pytest.mark.parametrize("name", IDS)
 def test_check_env_passes_for_each_option_alone_and_in_pairs(name):
     for chosen in each_option_and_pairs(name):
         try:
-            checked(gym.make(name, **dict(chosen)))
+            checked(gym.make(name, **chosen))
         except Exception as error:
-            raise AssertionError(f"{name} with {dict(chosen)}: {error}") from error
+            raise AssertionError(f"{name} with {chosen}: {error}") from error
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -118,7 +164,7 @@ def test_stable_baselines_check_passes_for_each_option_alone_and_in_pairs(name):
     for chosen in each_option_and_pairs(name):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            check(gym.make(name, **dict(chosen)).unwrapped)
+            check(gym.make(name, **chosen).unwrapped)
 
 
 @pytest.mark.parametrize("name", IDS)

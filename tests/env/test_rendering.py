@@ -45,7 +45,7 @@ def test_a_car_left_of_the_centre_is_drawn_left_of_it(lateral):
     env = gym.make("lanekeep/LaneKeep-v0", render_mode="rgb_array", **STRAIGHT)
     env.reset(seed=0, options={"lateral_error": lateral, "heading_error": 0.0})
     rows, columns = car_pixels(env.render())
-    per_metre = road_picture.WIDTH / (road_picture.METRES_AHEAD + road_picture.METRES_BEHIND)
+    per_metre = road_picture.WIDTH / env.unwrapped.scenario.view
     assert road_picture.VIEW_HEIGHT / 2 - rows.mean() == pytest.approx(lateral * per_metre, abs=1.5)
     assert np.ptp(columns) == pytest.approx(4.5 * per_metre, abs=4)
 

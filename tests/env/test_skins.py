@@ -9,27 +9,37 @@ from hypothesis import strategies as st
 import lanekeep_env  # noqa: F401
 
 ID = "lanekeep/LaneKeep-v0"
+CAMERA, TURN_OFF = "lanekeep/CameraLane-v0", "lanekeep/TurnOff-v0"
+YARD = {"kind": "yard", "count": 8}
 VARIANTS = [
-    {},
-    {"dynamics": "kinematic", "action": "steering_rate"},
-    {"tyre": "magic_formula", "observation": "full", "preview": 3},
-    {"vehicle": {"steering": {"lag": 0.1, "delay": 0.07, "rate_limit": 0.3}}, "departure": "cost"},
-    {"tyre": "magic_formula", "randomisation": "stress", "sensors": "poor", "observation": "full", "preview": 2},
+    (ID, {}),
+    (ID, {"dynamics": "kinematic", "action": "steering_rate"}),
+    (ID, {"tyre": "magic_formula", "observation": "full", "preview": 3}),
+    (ID, {"vehicle": {"steering": {"lag": 0.1, "delay": 0.07, "rate_limit": 0.3}}, "departure": "cost"}),
+    (ID, {"tyre": "magic_formula", "randomisation": "stress", "sensors": "poor", "observation": "full", "preview": 2}),
+    (ID, {"vehicle": {"steering": {"lag": 0.1, "backlash": 0.02}}, "observation": "full"}),
+    (CAMERA, {"road": YARD, "speed": {"hold": 1.0}}),
+    (CAMERA, {"road": YARD, "action": "steering_rate", "sensors": "production", "observation": "full", "plan": 3}),
+    (CAMERA, {"road": YARD, "randomisation": "stress", "sensors": "poor", "camera": {"edge": "left"}, "plan": 0}),
+    (CAMERA, {"vehicle": {"base": "van", "steering": {"lag": 0.2, "delay": 0.05}}, "departure": "cost"}),
+    (TURN_OFF, {"sensors": "production"}),
 ]
+#: Ids whose vector form is compared over numbers of lanes and threads.
+MANY = [(ID, {}), (CAMERA, {"road": YARD, "sensors": "poor", "speed": {"hold": 0.4}})]
 
 
-def gentle(rng, steps, lanes):
+def gentle(rng, steps, lanes, spread=0.15):
     """Actions that keep some lanes on the road and lose others."""
-    return np.clip(rng.normal(0, 0.15, (steps, lanes, 1)), -1, 1).astype(np.float32)
+    return np.clip(rng.normal(0, spread, (steps, lanes, 1)), -1, 1).astype(np.float32)
 
 
 @pytest.mark.parametrize("mode", ["next_step", "same_step"])
-@pytest.mark.parametrize("keywords", VARIANTS)
-def test_lanes_equal_single_environments_bitwise(keywords, mode):
+@pytest.mark.parametrize(("name", "keywords"), VARIANTS)
+def test_lanes_equal_single_environments_bitwise(name, keywords, mode):
     lanes, steps, seed = 21, 150, 1234
     make = {"max_episode_steps": 60, **keywords}
-    vector = gym.make_vec(ID, lanes, "vector_entry_point", autoreset_mode=mode, **make)
-    singles = [gym.make(ID, **make) for _ in range(lanes)]
+    vector = gym.make_vec(name, lanes, "vector_entry_point", autoreset_mode=mode, **make)
+    singles = [gym.make(name, **make) for _ in range(lanes)]
     observation, infos = vector.reset(seed=seed)
     for i, env in enumerate(singles):
         alone, info = env.reset(seed=seed + i)
@@ -57,13 +67,14 @@ def test_lanes_equal_single_environments_bitwise(keywords, mode):
     assert ended > lanes
 
 
+@pytest.mark.parametrize(("name", "keywords"), MANY)
 @settings(max_examples=20, deadline=None)
 @given(lanes=st.integers(1, 600), seed=st.integers(0, 2**31), threads=st.sampled_from([1, 2]))
-def test_a_lane_does_not_depend_on_the_number_of_lanes_or_threads(lanes, seed, threads):
+def test_a_lane_does_not_depend_on_the_number_of_lanes_or_threads(name, keywords, lanes, seed, threads):
     """SIMD bodies, remainders and blocks give the same bits; float32 too."""
     for dtype in ("float64", "float32"):
-        many = gym.make_vec(ID, lanes, "vector_entry_point", dtype=dtype, num_threads=threads)
-        few = gym.make_vec(ID, 2, "vector_entry_point", dtype=dtype)
+        many = gym.make_vec(name, lanes, "vector_entry_point", dtype=dtype, num_threads=threads, **keywords)
+        few = gym.make_vec(name, 2, "vector_entry_point", dtype=dtype, **keywords)
         many.reset(seed=seed)
         few.reset(seed=[seed, seed + lanes - 1])
         for actions in gentle(np.random.default_rng(seed), 40, lanes):
@@ -73,12 +84,13 @@ def test_a_lane_does_not_depend_on_the_number_of_lanes_or_threads(lanes, seed, t
                 np.testing.assert_array_equal(a[[0, lanes - 1]], b)
 
 
+@pytest.mark.parametrize("name", [ID, TURN_OFF])
 @pytest.mark.parametrize("steps", [1, 7, 45])
-def test_truncation_is_the_same_in_all_skins(steps):
+def test_truncation_is_the_same_in_all_skins(steps, name):
     keywords = {"departure": "off", "max_episode_steps": steps}
-    single = gym.make(ID, **keywords)
-    sync = gym.make_vec(ID, 2, "sync", **keywords)
-    vector = gym.make_vec(ID, 2, "vector_entry_point", **keywords)
+    single = gym.make(name, **keywords)
+    sync = gym.make_vec(name, 2, "sync", **keywords)
+    vector = gym.make_vec(name, 2, "vector_entry_point", **keywords)
     single.reset(seed=0), sync.reset(seed=0), vector.reset(seed=0)
     for k in range(1, steps + 1):
         action = np.zeros(1, np.float32)
@@ -128,9 +140,10 @@ def test_an_episode_ends_at_its_own_length_or_the_shorter_limit(keywords, steps)
         assert ends == [False] * (steps - 1) + [True]
 
 
-def test_reset_mask_restarts_only_the_chosen_lanes():
-    vector = gym.make_vec(ID, 5, "vector_entry_point", autoreset_mode="disabled")
-    reference = gym.make_vec(ID, 5, "vector_entry_point", autoreset_mode="disabled")
+@pytest.mark.parametrize("name", [ID, CAMERA])
+def test_reset_mask_restarts_only_the_chosen_lanes(name):
+    vector = gym.make_vec(name, 5, "vector_entry_point", autoreset_mode="disabled")
+    reference = gym.make_vec(name, 5, "vector_entry_point", autoreset_mode="disabled")
     rng = np.random.default_rng(0)
     for env in (vector, reference):
         env.reset(seed=2)
@@ -145,11 +158,12 @@ def test_reset_mask_restarts_only_the_chosen_lanes():
     np.testing.assert_array_equal(vector.step(actions)[0][~mask], reference.step(actions)[0][~mask])
 
 
-def test_episodes_of_one_seed_are_the_same_whatever_was_done_before():
+@pytest.mark.parametrize("name", [ID, CAMERA, TURN_OFF])
+def test_episodes_of_one_seed_are_the_same_whatever_was_done_before(name):
     """The third episode of a seed does not depend on how the first two were driven."""
     starts = []
     for policy in (0.0, 0.9):
-        env = gym.make(ID)
+        env = gym.make(name)
         env.reset(seed=11)
         for _ in range(2):
             for _ in range(3 if policy else 17):

@@ -104,7 +104,7 @@ def test_a_redesign_on_the_truth_is_the_design() -> None:
     scenario = LaneKeepScenario(preview=12)
     observation = np.random.default_rng(0).normal(size=(5, 18)).astype(np.float32) * 0.05
     observation[:, 3] = [5.0, 15.0, 25.0, 35.0, 45.0]
-    for name in lanekeep_baselines.names():
+    for name in lanekeep_baselines.names(scenario):
         policy = redesign(name, scenario, exact(VEHICLES["yin"]))
         expected, _ = lanekeep_baselines.make(name, scenario).predict(observation)
         np.testing.assert_allclose(policy.predict(observation)[0], expected, atol=1e-4)
