@@ -7,7 +7,15 @@ from lanekeep_env.envs.termination import Termination
 from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator, VehicleParameters
 from lanekeep_env.randomisation import RANDOMISATIONS, Randomisation
 from lanekeep_env.registration import ENVIRONMENTS, register_all
-from lanekeep_env.scenario import CameraLaneScenario, Channel, LaneKeepScenario, RoadWorksScenario, TurnOffScenario
+from lanekeep_env.scenario import (
+    CameraLaneScenario,
+    Channel,
+    CircuitScenario,
+    LaneKeepScenario,
+    RoadWorksScenario,
+    TurnOffScenario,
+    WallFollowScenario,
+)
 from lanekeep_env.sensing import SENSOR_SETS, Sensor
 
 __version__ = "0.1.0"
@@ -18,6 +26,7 @@ __all__ = [
     "VEHICLES",
     "CameraLaneScenario",
     "Channel",
+    "CircuitScenario",
     "LaneKeepScenario",
     "Randomisation",
     "RoadWorksScenario",
@@ -26,6 +35,7 @@ __all__ = [
     "Termination",
     "TurnOffScenario",
     "VehicleParameters",
+    "WallFollowScenario",
     "__version__",
 ]
 

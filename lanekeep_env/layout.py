@@ -62,7 +62,8 @@ PROGRESS = 46  # along the centre line since the start, m
 LAP_BEGAN = 47  # s
 LAP_TIME = 48  # of the last lap, s; 0 before
 CLEARANCE = 49  # distance of the body from the nearest wall, m
-LANE_ROWS = 50  # further rows, as many as needed: commands (newest first), then the sensors' rows
+BEFORE = 50  # x (m), y (m), heading (rad) and speed (m/s) at the start of the control step
+LANE_ROWS = 54  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the lane (a uint64, reinterpreted)

@@ -26,6 +26,16 @@ ENVIRONMENTS: dict[str, tuple[str, str, int]] = {
         "lanekeep_env.envs.camera_lane:TurnOffVectorEnv",
         1500,
     ),
+    "lanekeep/WallFollow-v0": (
+        "lanekeep_env.envs.wall_follow:WallFollowEnv",
+        "lanekeep_env.envs.wall_follow:WallFollowVectorEnv",
+        600,
+    ),
+    "lanekeep/Circuit-v0": (
+        "lanekeep_env.envs.wall_follow:CircuitEnv",
+        "lanekeep_env.envs.wall_follow:CircuitVectorEnv",
+        1800,
+    ),
 }
 
 

@@ -12,6 +12,7 @@ from numba import prange
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, kernel
+from lanekeep_env.envs.delay import acting_row, delay_commands
 from lanekeep_env.envs.road_start import cross_segments, set_speeds, start_lane
 from lanekeep_env.physics.integrate import (
     advance_front_driven,
@@ -48,37 +49,8 @@ def _command(k, lanes, counters, settings, action):
         command_[i] = clip(integrated if as_rate else wish, -limit, limit)
         before_[i] = steer_[i]
     if settings[at.DELAY_DEPTH] > zero:
-        _delay(block, settings)
+        delay_commands(block, settings, at.COMMAND)
     return np.int64(settings[at.SUBSTEPS])
-
-
-@helper
-def _delay(lanes, settings):
-    """Push the commands into the delay line and pick the two that act in this control step.
-
-    With a delay of w control steps and p sub-steps a command w steps old acts, and for the first p
-    sub-steps the one before it.
-    """
-    depth, substeps = np.int64(settings[at.DELAY_DEPTH]), np.int64(settings[at.SUBSTEPS])
-    for i in range(lanes.shape[1]):
-        for k in range(depth - 1, 0, -1):
-            lanes[at.LANE_ROWS + k, i] = lanes[at.LANE_ROWS + k - 1, i]
-        lanes[at.LANE_ROWS, i] = lanes[at.COMMAND, i]
-        whole = np.int64(lanes[at.DELAY, i]) // substeps
-        lanes[at.DELAYED_THEN, i] = lanes[at.LANE_ROWS + whole, i]
-        lanes[at.DELAYED_FIRST, i] = lanes[at.LANE_ROWS + min(whole + 1, depth - 1), i]
-
-
-@helper
-def _acting(substep, lanes, settings):
-    """Return the row of the commands that act in a sub-step of a block."""
-    if settings[at.DELAY_DEPTH] == like(settings[0], 0.0):
-        return at.COMMAND
-    substeps = np.int64(settings[at.SUBSTEPS])
-    for i in range(lanes.shape[1]):
-        part = np.int64(lanes[at.DELAY, i]) % substeps
-        lanes[at.ACTING, i] = lanes[at.DELAYED_FIRST, i] if substep < part else lanes[at.DELAYED_THEN, i]
-    return at.ACTING
 
 
 @helper
@@ -290,7 +262,7 @@ def step_kinematic(begin, end, lanes, counters, road, roads, settings, equipment
     sensors, gear, camera = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_kinematic(lanes[k], _acting(substep, lanes[k], settings), settings, gear)
+            advance_kinematic(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_kinematic(lanes[k])
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
@@ -301,7 +273,7 @@ def step_linear(begin, end, lanes, counters, road, roads, settings, equipment, a
     sensors, gear, camera = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_linear(lanes[k], _acting(substep, lanes[k], settings), settings, gear)
+            advance_linear(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_linear(lanes[k])
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
@@ -312,7 +284,7 @@ def step_magic(begin, end, lanes, counters, road, roads, settings, equipment, ac
     sensors, gear, camera = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_magic_formula(lanes[k], _acting(substep, lanes[k], settings), settings, gear)
+            advance_magic_formula(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_magic_formula(lanes[k])
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
@@ -324,7 +296,7 @@ def step_front_driven(begin, end, lanes, counters, road, roads, settings, equipm
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_front_driven(lanes[k], _acting(substep, lanes[k], settings), settings, gear)
+            advance_front_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_front_driven(lanes[k])
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)

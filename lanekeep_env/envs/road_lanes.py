@@ -17,8 +17,8 @@ from lanekeep_env.scenario import INTEGRATION_STEP, CameraLaneScenario, LaneKeep
 from lanekeep_env.sensing import Sensor
 from lanekeep_env.sensing.measure import TRUTH
 
-_ACTIONS = {"steering_angle": at.STEERING_ANGLE, "steering_rate": at.STEERING_RATE}
-_DEPARTURES = {"terminate": at.TERMINATE, "cost": at.COST, "off": at.OFF}
+ACTIONS = {"steering_angle": at.STEERING_ANGLE, "steering_rate": at.STEERING_RATE}
+DEPARTURES = {"terminate": at.TERMINATE, "cost": at.COST, "off": at.OFF}
 #: Lanes that are advanced together: enough for SIMD, few enough for the first-level cache.
 BLOCK = 256
 #: What ``reset(options=...)`` may fix, in the order of the kernel's start rows.
@@ -144,11 +144,11 @@ class RoadLanes:
         values[at.SUBSTEPS] = round(s.control_step / INTEGRATION_STEP)
         values[at.MODEL] = s.model
         values[at.IDEAL_STEERING] = steering.lag == 0.0 and steering.rate_limit is None
-        values[at.ACTION_KIND] = _ACTIONS[s.action]
+        values[at.ACTION_KIND] = ACTIONS[s.action]
         values[at.ACTION_SCALE] = s.max_steering_rate if rate_mode else s.max_steering_angle
         values[at.COMMAND_LIMIT] = min(s.max_steering_angle, steering.angle_limit or np.inf)
         values[at.HALF_LANE] = s.departure_limit
-        values[at.DEPARTURE] = _DEPARTURES[s.departure]
+        values[at.DEPARTURE] = DEPARTURES[s.departure]
         values[at.COST_WEIGHT] = s.cost_weight
         values[at.COST_RATE] = s.reference_steering_rate
         values[at.COST_CAP] = s.cost_cap

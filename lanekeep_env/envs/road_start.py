@@ -121,7 +121,7 @@ def draw_car(i, key, lanes, settings):
 
 
 @inline
-def _set_speed(i, episode, step, lanes, settings):
+def set_speed(i, episode, step, lanes, settings):
     """Draw the set speed (m/s) that holds from control step ``step`` of the episode on."""
     key = derive(episode, FIRST_SET_SPEED + step)
     low, high = np.float64(settings[at.SPEED_LOW]), np.float64(settings[at.SPEED_HIGH])
@@ -138,7 +138,7 @@ def set_speeds(k, lanes, counters, settings):
         step = block[at.STEP, i]
         if step > 0.0 and step % hold == 0.0:
             episode = derive(np.uint64(counters[at.KEY, first + i]), counters[at.EPISODE, first + i])
-            block[at.SPEED_TARGET, i] = _set_speed(i, episode, np.int64(step), block, settings)
+            block[at.SPEED_TARGET, i] = set_speed(i, episode, np.int64(step), block, settings)
 
 
 @helper
@@ -164,7 +164,7 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     squared = np.float64(lanes[at.SPEED_SQUARED, i]) + lanes[at.SPEED_SQUARED_SLOPE, i] * along
     v = target = np.sqrt(max(squared, 0.0))
     if settings[at.SPEED_HIGH] > 0.0:
-        target = _set_speed(i, key, np.int64(0), lanes, settings)
+        target = set_speed(i, key, np.int64(0), lanes, settings)
         v = min(target, v)
     steer, beta, r = steady_turning(
         v,

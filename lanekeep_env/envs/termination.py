@@ -10,3 +10,5 @@ class Termination(IntEnum):
 
     NONE = 0
     LANE_DEPARTURE = 1
+    CONTACT = 2
+    FINISHED = 3

@@ -177,8 +177,8 @@ VEHICLES: dict[str, VehicleParameters] = {
             width=0.265,
             wheel_radius=0.033,
             source=(
-                "Team KnightRiders 2017: wheelbase 0.35 m, steering 22 deg. The report gives no other number: body, wheel, "
-                "mass and tyres are stated here as those of a 1:10 car with a Kinect"
+                "Team KnightRiders 2017: wheelbase 0.35 m, steering 22 deg. The report gives no other number: body, "
+                "wheel, mass and tyres are stated here as those of a 1:10 car with a Kinect"
             ),
         ),
         VehicleParameters(
@@ -194,8 +194,8 @@ VEHICLES: dict[str, VehicleParameters] = {
             width=0.265,
             wheel_radius=0.033,
             source=(
-                "PSES platform as documented: wheelbase 0.258 m, body 0.44 x 0.265 m, rear axle's turning radius 0.93 m; "
-                "wheel, mass and tyres are stated here as those of a 1:10 car"
+                "PSES platform as documented: wheelbase 0.258 m, body 0.44 x 0.265 m, rear axle's turning radius "
+                "0.93 m; wheel, mass and tyres are stated here as those of a 1:10 car"
             ),
         ),
         _commonroad(1, 1225.8878467253344, 1538.8533713561394, 0.88392, 1.50876, (4.298, 1.674), 0.91),

@@ -335,8 +335,8 @@ class CircuitScenario(WallFollowScenario):
         max_acceleration: either way, m/s².
         laps: after which the episode is done.
 
-    ``speed``, ``set_distance`` and ``start_lateral_error`` from the set distance have no meaning here: the car starts at
-    rest in the middle of one of the circuit's sides, within ``start_lateral_error`` of it.
+    ``speed`` and ``set_distance`` have no meaning here: the car starts at rest in the middle of one of the circuit's
+    sides, within ``start_lateral_error`` of it.
     """
 
     task: ClassVar[int] = at.CIRCUIT

@@ -8,7 +8,7 @@ from typing import Any
 
 from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
 
-#: Channels that come from sensors, in the order of the observation: of lane keeping, of guidance by camera, between walls.
+#: Channels that come from sensors, in the order of the observation: lane keeping, guidance by camera, between walls.
 MEASURED_CHANNELS = ("lateral_error", "heading_error", "yaw_rate", "speed", "steering_angle")
 CAMERA_CHANNELS = ("edge_distance", "speed", "steering_angle")
 WALL_CHANNELS = ("distance_right", "distance_left", "distance_front", "yaw_rate", "speed", "steering_angle")

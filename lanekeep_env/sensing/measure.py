@@ -20,7 +20,7 @@ HELD, SEEN, OFFSET, BIAS, TRUTH = 0, 1, 2, 3, 4
 
 
 @inline
-def _normal(key, counter):
+def normal(key, counter):
     """Standard normal number (Box-Muller) from the draws ``counter`` and the next."""
     radius = np.sqrt(-2.0 * np.log(1.0 - uniform(key, counter)))
     return radius * np.cos(6.283185307179586 * uniform(key, counter + np.int64(1)))
@@ -53,7 +53,7 @@ def measure(i, lanes, counters, settings, sensors, observation):
             lanes[row + HELD, i] = sensors[channel, at.MISSING] if np.isnan(truth) else truth
             lanes[row + SEEN, i] = like(truth, 0.0)
             lanes[row + OFFSET, i] = like(truth, 0.0)
-            lanes[row + BIAS, i] = bias * _normal(first, draw + JUMP_SIZE + np.int64(1))
+            lanes[row + BIAS, i] = bias * normal(first, draw + JUMP_SIZE + np.int64(1))
             for k in range(delay + 1):
                 lanes[row + TRUTH + k, i] = truth
         else:
@@ -67,7 +67,7 @@ def measure(i, lanes, counters, settings, sensors, observation):
             seen = lanes[row + TRUTH + delay, i]
             value = np.float64(seen) + lanes[row + BIAS, i] + lanes[row + OFFSET, i]
             if noise > 0.0:
-                value += noise * _normal(key, draw + NOISE)
+                value += noise * normal(key, draw + NOISE)
             if resolution > 0.0:
                 value = resolution * np.floor(value / resolution + 0.5)
             lanes[row + SEEN, i] = 0.0 if np.isnan(seen) else 1.0

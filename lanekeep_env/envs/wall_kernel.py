@@ -1,0 +1,387 @@
+"""The compiled step of every environment between walls: one kernel for one car and for thousands.
+
+A step runs command -> servo, vehicle (sub-steps) -> contact -> progress -> sensors -> reward -> observation -> reset.
+The vehicle models are those of roads, on a straight path: x and y stand for arc length and lateral error. They run
+as SIMD code over the lanes of a block; rays, cones and contact as SIMD code over the walls of one lane.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import prange
+
+from lanekeep_env import layout as at
+from lanekeep_env.compile import helper, kernel
+from lanekeep_env.envs.delay import acting_row, delay_commands
+from lanekeep_env.envs.road_start import set_speeds
+from lanekeep_env.envs.wall_start import locate, look_around, servo_angle, start_between_walls
+from lanekeep_env.physics.integrate import (
+    advance_kinematic_paced,
+    advance_linear_paced,
+    show_kinematic_paced,
+    show_linear_paced,
+)
+from lanekeep_env.physics.numeric import clip, like, sin_cos, smaller, wrapped
+from lanekeep_env.sensing.measure import measure
+from lanekeep_env.sensing.scan import take_scan
+from lanekeep_env.tasks.wall_driving import judge_circuit, judge_following
+from lanekeep_env.walls.contact import clearance, sweeps
+
+#: Scalar channels before those of a task: three distances, yaw rate, speed, steering angle and command.
+SCALAR_CHANNELS = 7
+#: Of ultrasonics, m, where there is no echo.
+NO_ECHO = 6.0
+
+
+@helper
+def _command(k, lanes, counters, settings, servo, action):
+    """Turn the actions into servo angles and set speeds; count what had to be clipped; return the sub-steps."""
+    first = k * lanes.shape[2]
+    total = counters.shape[1]
+    stride = action.shape[0] // total
+    limit, scale = settings[at.COMMAND_LIMIT], settings[at.ACTION_SCALE]
+    one, zero = like(limit, 1.0), like(limit, 0.0)
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    as_rate = settings[at.ACTION_KIND] > zero
+    slowest = zero if settings[at.MODEL] == at.LINEAR else -one  # the dynamic car does not know backwards
+    block = lanes[k]
+    for i in range(min(lanes.shape[2], total - first)):
+        alive = block[at.DONE, i] == zero
+        given = like(limit, action[(first + i) * stride])
+        counters[at.CLIPPED, first + i] += (abs(given) > one) and alive
+        wish = clip(given, -one, one) * scale
+        block[at.COMMAND, i] = clip(block[at.COMMAND, i] + wish * seconds if as_rate else wish, -limit, limit)
+        angle = block[at.COMMAND, i]
+        if servo is not None:
+            angle = like(limit, servo_angle(np.float64(angle), np.float64(limit), servo))
+        block[at.SERVO, i] = angle + block[at.STEER_OFFSET, i]
+        block[at.STEER_BEFORE, i] = block[at.STEER, i]
+        if stride > 1:
+            given = like(limit, action[(first + i) * stride + 1])
+            counters[at.CLIPPED, first + i] += (abs(given) > one) and alive
+            block[at.SPEED_TARGET, i] = clip(given, slowest, one) * settings[at.LARGEST_SPEED]
+        block[at.BEFORE, i] = block[at.ALONG, i]
+        block[at.BEFORE + 1, i] = block[at.LATERAL, i]
+        block[at.BEFORE + 2, i] = block[at.HEADING, i]
+        block[at.BEFORE + 3, i] = block[at.SPEED, i]
+    if settings[at.DELAY_DEPTH] > zero:
+        delay_commands(block, settings, at.SERVO)
+    return np.int64(settings[at.SUBSTEPS])
+
+
+@helper
+def _touch(i, lanes, walls, first, last, settings, scratch):
+    """Whether lane i's body touched a wall in this control step; writes its clearance."""
+    middle, half_length, half_width = settings[at.BODY], settings[at.BODY + 1], settings[at.BODY + 2]
+    sine0, cosine0 = sin_cos(lanes[at.BEFORE + 2, i])
+    sine, cosine = sin_cos(lanes[at.HEADING, i])
+    x0, y0 = lanes[at.BEFORE, i] + middle * cosine0, lanes[at.BEFORE + 1, i] + middle * sine0
+    x, y = lanes[at.ALONG, i] + middle * cosine, lanes[at.LATERAL, i] + middle * sine
+    lanes[at.CLEARANCE, i] = clearance(x, y, cosine, sine, half_length, half_width, walls, first, last, scratch)
+    return sweeps(x0, y0, cosine0, sine0, x, y, cosine, sine, half_length, half_width, walls, first, last, scratch)
+
+
+@helper
+def _count(i, lanes, settings):
+    """Turn the wheels by the way of this control step and read the encoder."""
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    half = like(seconds, 0.5)
+    v, tick = lanes[at.SPEED, i], settings[at.TICK]
+    signless = settings[at.SIGNLESS] > 0.0
+    speed = v
+    if tick > 0.0:
+        way = lanes[at.WAY, i] + half * (v + lanes[at.BEFORE + 3, i]) * seconds
+        # Counted in ticks of the present wheel's turn, so that float32 stays exact on long ways.
+        ticks = np.floor(way / tick)
+        speed = (ticks - lanes[at.TICKS, i]) * tick / seconds
+        turns = np.floor(ticks * like(tick, 1.0 / 1024.0))
+        lanes[at.WAY, i] = way - turns * like(tick, 1024.0) * tick
+        lanes[at.TICKS, i] = ticks - turns * like(tick, 1024.0)
+    lanes[at.WHEEL_SPEED, i] = abs(speed) if signless else speed
+
+
+@helper
+def _report(i, lateral, heading, lanes, outcome):
+    """Copy the truth that a state decides."""
+    outcome[at.O_LATERAL_ERROR, i] = lateral
+    outcome[at.O_HEADING_ERROR, i] = heading
+    outcome[at.O_LATERAL_ACCELERATION, i] = lanes[at.ACCELERATION, i]
+    outcome[at.O_SPEED, i] = lanes[at.SPEED, i]
+    outcome[at.O_ARC_LENGTH, i] = lanes[at.STATION, i]
+    outcome[at.O_SUCCESS, i] = like(lanes[0, 0], 1.0) - lanes[at.DEPARTED, i]
+    outcome[at.O_X, i] = lanes[at.ALONG, i]
+    outcome[at.O_Y, i] = lanes[at.LATERAL, i]
+    outcome[at.O_DISTANCE, i] = like(lanes[0, 0], NO_ECHO) if np.isnan(lanes[at.RIGHT, i]) else lanes[at.RIGHT, i]
+    outcome[at.O_CLEARANCE, i] = lanes[at.CLEARANCE, i]
+    outcome[at.O_LAP_TIME, i] = lanes[at.LAP_TIME, i]
+
+
+@helper
+def _follow_line(i, lanes, counters, worlds, settings):
+    """Move lane i along the centre line; return (progress, lateral error, heading error), m and rad.
+
+    Following a wall the lateral error is that of the side sensor's distance; without a centre line the heading counts
+    from the x axis.
+    """
+    _, index, line, _, _ = worlds
+    which = counters[at.ROAD, i]
+    points = index[which, at.I_POINTS]
+    zero = like(lanes[0, 0], 0.0)
+    progress = lateral = zero
+    heading = lanes[at.HEADING, i]
+    if points > 1:
+        closed = index[which, at.I_CLOSED] > 0
+        begin = counters[at.SEGMENT, i]
+        segment, station, aside, cosine, sine = locate(
+            np.float64(lanes[at.ALONG, i]),
+            np.float64(lanes[at.LATERAL, i]),
+            line,
+            index[which, at.I_LINE],
+            points,
+            closed,
+            begin - 8,
+            begin + 9,
+        )
+        counters[at.SEGMENT, i] = segment
+        step = station - np.float64(lanes[at.STATION, i])
+        if closed:
+            length = line[2, index[which, at.I_LINE] + points - 1]
+            step -= length * np.floor(step / length + 0.5)
+        lanes[at.STATION, i] = station
+        progress, lateral = like(zero, step), like(zero, aside)
+        heading = wrapped(heading - like(zero, np.arctan2(sine, cosine)))
+    if settings[at.TASK] == at.WALL_FOLLOW:
+        right = like(zero, NO_ECHO) if np.isnan(lanes[at.RIGHT, i]) else lanes[at.RIGHT, i]
+        lateral = right - settings[at.SET_DISTANCE]
+    return progress, lateral, heading
+
+
+@helper
+def _lap(i, progress, lanes, counters, worlds, settings):
+    """Count progress and laps of lane i; return whether the last lap is done."""
+    _, index, line, _, _ = worlds
+    which = counters[at.ROAD, i]
+    points = index[which, at.I_POINTS]
+    if points < 2:
+        return False
+    length = like(progress, line[2, index[which, at.I_LINE] + points - 1])
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    before = lanes[at.PROGRESS, i]
+    lanes[at.PROGRESS, i] = before + progress
+    laps = np.floor(lanes[at.PROGRESS, i] / length)
+    if progress > 0.0 and laps > np.floor(before / length) and laps >= 1.0:
+        share = (laps * length - before) / progress
+        now = (lanes[at.STEP, i] - like(progress, 1.0) + share) * seconds
+        lanes[at.LAP_TIME, i] = now - lanes[at.LAP_BEGAN, i]
+        lanes[at.LAP_BEGAN, i] = now
+        return laps >= settings[at.LAPS]
+    return False
+
+
+@helper
+def _drive(i, lanes, counters, worlds, settings, outcome, block):
+    """Contact, progress, sensors' truth, reward and flags of lane i after its sub-steps."""
+    walls, index, _, _, scratch_ = worlds
+    scratch = scratch_[block]
+    which = counters[at.ROAD, i]
+    first, last = index[which, at.I_FIRST], index[which, at.I_END]
+    zero, one = like(lanes[0, 0], 0.0), like(lanes[0, 0], 1.0)
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    ends, ignored = settings[at.DEPARTURE] == at.TERMINATE, settings[at.DEPARTURE] == at.OFF
+    lanes[at.STEP, i] += one
+    touched = _touch(i, lanes, walls, first, last, settings, scratch)
+    if touched and not ends:  # a wall holds the car where it was
+        lanes[at.ALONG, i], lanes[at.LATERAL, i] = lanes[at.BEFORE, i], lanes[at.BEFORE + 1, i]
+        lanes[at.HEADING, i] = lanes[at.BEFORE + 2, i]
+        lanes[at.SPEED, i] = lanes[at.YAW_RATE, i] = lanes[at.SIDESLIP, i] = lanes[at.ACCELERATION, i] = zero
+    _count(i, lanes, settings)
+    look_around(i, lanes, walls, first, last, settings, scratch)
+    progress, lateral, heading = _follow_line(i, lanes, counters, worlds, settings)
+    counts = touched and not ignored
+    rate = (lanes[at.STEER, i] - lanes[at.STEER_BEFORE, i]) / seconds
+    horizon = settings[at.HORIZON]
+    left = horizon - lanes[at.STEP, i]
+    if settings[at.TASK] == at.WALL_FOLLOW:
+        reward, ended = judge_following(
+            lateral,
+            rate,
+            left,
+            seconds,
+            counts,
+            settings[at.COST_LATERAL],
+            settings[at.COST_WEIGHT],
+            settings[at.COST_RATE],
+            settings[at.COST_CAP],
+            ends,
+        )
+    else:
+        done = _lap(i, progress, lanes, counters, worlds, settings) and not counts
+        reward, ended = judge_circuit(progress, left, seconds, counts, done, settings[at.LARGEST_SPEED], ends)
+    lanes[at.DEPARTED, i] = one if counts else lanes[at.DEPARTED, i]
+    outcome[at.O_REWARD, i] = reward
+    outcome[at.O_TERMINATED, i] = ended
+    outcome[at.O_TRUNCATED, i] = one if lanes[at.STEP, i] >= smaller(horizon, settings[at.MAX_STEPS]) else zero
+    outcome[at.O_STEERING_RATE, i] = rate
+    outcome[at.O_COST, i] = one if counts else zero
+    _report(i, lateral, heading, lanes, outcome)
+
+
+@helper
+def _observe(i, lane, lanes, counters, worlds, settings, sensors, scan, outcome, observation, block):
+    """Write the observation of lane i, ``lane`` in the environment; the order is that of the scenario's channels."""
+    walls, index, _, _, _ = worlds
+    channel = SCALAR_CHANNELS - 1
+    place = at.BOUNDS + 2 * channel
+    observation[i, channel] = clip(lanes[at.COMMAND, i], settings[place], settings[place + 1])
+    channel += 1
+    if settings[at.LARGEST_SPEED] > 0.0:
+        place = at.BOUNDS + 2 * channel
+        observation[i, channel] = clip(lanes[at.SPEED_TARGET, i], settings[place], settings[place + 1])
+        channel += 1
+    renewed = False
+    if scan is not None:
+        which = counters[at.ROAD, i]
+        sine, cosine = sin_cos(lanes[at.HEADING, i])
+        x = lanes[at.ALONG, i] + settings[at.FRONT_ARM] * cosine
+        y = lanes[at.LATERAL, i] + settings[at.FRONT_ARM] * sine
+        first, glass = index[which, at.I_FIRST], index[which, at.I_GLASS]
+        renewed = take_scan(i, lane, x, y, cosine, sine, lanes, counters, walls, first, glass, scan, block)
+        held = scan[4][lane]
+        for beam in range(held.shape[0]):
+            observation[i, channel + beam] = held[beam]
+        channel += held.shape[0]
+    if settings[at.FULL] > 0.0:
+        place = at.BOUNDS + 2 * channel
+        observation[i, channel] = clip(outcome[at.O_LATERAL_ERROR, i], settings[place], settings[place + 1])
+        observation[i, channel + 1] = clip(outcome[at.O_HEADING_ERROR, i], settings[place + 2], settings[place + 3])
+        observation[i, channel + 2] = clip(lanes[at.CLEARANCE, i], settings[place + 4], settings[place + 5])
+        observation[i, channel + 3] = clip(lanes[at.STEER_OFFSET, i], settings[place + 6], settings[place + 7])
+        channel += 4
+    if scan is not None and scan[0][at.SCAN_PERIOD] > 1.0:
+        observation[i, channel] = 1.0 if renewed else 0.0
+    measure(i, lanes, counters, settings, sensors, observation)
+
+
+@helper
+def _start(
+    i, lane, lateral, heading, place, world, lanes, counters, worlds, settings, equipment, observation, outcome, block
+):
+    """Start the next episode of a lane: state, truth and observation."""
+    sensors, _, servo, scan = equipment
+    walls, index, _, _, scratch = worlds
+    counters[at.EPISODE, i] += 1
+    start_between_walls(i, lateral, heading, place, world, lanes, counters, worlds, settings, servo, block)
+    which = counters[at.ROAD, i]
+    first, last = index[which, at.I_FIRST], index[which, at.I_END]
+    _touch(i, lanes, walls, first, last, settings, scratch[block])
+    zero = like(lanes[0, 0], 0.0)
+    outcome[at.O_STEERING_RATE, i] = zero
+    outcome[at.O_COST, i] = zero
+    _, aside, turned = _follow_line(i, lanes, counters, worlds, settings)
+    _report(i, aside, turned, lanes, outcome)
+    _observe(i, lane, lanes, counters, worlds, settings, sensors, scan, outcome, observation, block)
+
+
+@helper
+def _finish(k, lanes, counters, worlds, settings, equipment, observation, outcome):
+    """Everything behind the sub-steps of block ``k``, lane by lane; next episodes where the autoreset mode says so."""
+    begin = k * lanes.shape[2]
+    end = min(begin + lanes.shape[2], counters.shape[1])
+    block, counted, told, seen = lanes[k], counters[:, begin:end], outcome[:, begin:end], observation[begin:end]
+    sensors, _, _, scan = equipment
+    mode = np.int64(settings[at.AUTORESET])
+    zero, one, nan = like(block[0, 0], 0.0), like(block[0, 0], 1.0), np.nan
+    for i in range(end - begin):
+        _drive(i, block, counted, worlds, settings, told, k)
+        over = block[at.DONE, i] > zero
+        if mode != at.NEXT_STEP or not over:
+            _observe(i, begin + i, block, counted, worlds, settings, sensors, scan, told, seen, k)
+        starts = False
+        if over:
+            told[at.O_REWARD, i] = zero  # the episode is over; its end was paid for
+            if mode == at.NEXT_STEP:  # this step only starts the new episode; what it integrated is thrown away
+                told[at.O_TERMINATED, i] = zero
+                told[at.O_TRUNCATED, i] = zero
+                starts = True
+        elif told[at.O_TERMINATED, i] + told[at.O_TRUNCATED, i] > zero:
+            block[at.DONE, i] = one
+            if mode == at.SAME_STEP:
+                for row in range(at.WALL_OUTCOME_ROWS):
+                    told[at.WALL_OUTCOME_ROWS + row, i] = told[row, i]
+                for channel in range(seen.shape[1]):
+                    told[2 * at.WALL_OUTCOME_ROWS + channel, i] = seen[i, channel]
+                starts = True
+        if starts:
+            _start(i, begin + i, nan, nan, nan, nan, block, counted, worlds, settings, equipment, seen, told, k)
+
+
+# One kernel a vehicle model. ``worlds`` is (walls, index, centre lines, starts, scratch), ``equipment`` (sensors, gear,
+# servo, scan), the last three None where the scenario has none.
+
+
+@kernel()
+def step_kinematic(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
+    _, gear, servo, _ = equipment
+    for k in range(begin, end):
+        set_speeds(k, lanes, counters, settings)
+        for substep in range(_command(k, lanes, counters, settings, servo, action)):
+            advance_kinematic_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear)
+        show_kinematic_paced(lanes[k])
+        _finish(k, lanes, counters, worlds, settings, equipment, observation, outcome)
+
+
+@kernel()
+def step_linear(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
+    _, gear, servo, _ = equipment
+    for k in range(begin, end):
+        set_speeds(k, lanes, counters, settings)
+        for substep in range(_command(k, lanes, counters, settings, servo, action)):
+            advance_linear_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear)
+        show_linear_paced(lanes[k])
+        _finish(k, lanes, counters, worlds, settings, equipment, observation, outcome)
+
+
+@kernel(parallel=True)
+def step_kinematic_parallel(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
+    for k in prange(begin, end):
+        step_kinematic(k, k + 1, lanes, counters, worlds, settings, equipment, action, observation, outcome)
+
+
+@kernel(parallel=True)
+def step_linear_parallel(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
+    for k in prange(begin, end):
+        step_linear(k, k + 1, lanes, counters, worlds, settings, equipment, action, observation, outcome)
+
+
+#: Kernel of one control step by vehicle model, on one thread and on several.
+STEP = {at.KINEMATIC: step_kinematic, at.LINEAR: step_linear}
+STEP_PARALLEL = {at.KINEMATIC: step_kinematic_parallel, at.LINEAR: step_linear_parallel}
+
+
+@kernel()
+def reset(mask, start, lanes, counters, worlds, settings, equipment, observation, outcome):
+    """Start the next episode where ``mask`` is set; ``start`` (4, n) fixes what is not NaN."""
+    size = lanes.shape[2]
+    for lane in range(mask.shape[0]):
+        if mask[lane]:
+            block = lane // size
+            first = block * size
+            last = min(first + size, mask.shape[0])
+            for row in (at.O_REWARD, at.O_TERMINATED, at.O_TRUNCATED):
+                outcome[row, lane] = like(outcome[0, 0], 0.0)
+            _start(
+                lane - first,
+                lane,
+                start[0, lane],
+                start[1, lane],
+                start[2, lane],
+                start[3, lane],
+                lanes[block],
+                counters[:, first:last],
+                worlds,
+                settings,
+                equipment,
+                observation[first:last],
+                outcome[:, first:last],
+                block,
+            )

@@ -1,0 +1,44 @@
+"""Following a wall and driving circuits: what a step costs, and how an episode ends."""
+
+from __future__ import annotations
+
+from lanekeep_env.compile import inline
+from lanekeep_env.physics.numeric import like
+from lanekeep_env.tasks.lane_keeping import running_cost
+
+#: Codes of `lanekeep_env.Termination`.
+CONTACT, FINISHED = 2.0, 3.0
+#: Cost of a second on a circuit at most: twice that of standing still.
+LARGEST_CIRCUIT_COST = 2.0
+
+
+@inline
+def judge_following(d, steering_rate, steps_left, seconds, touches, reference_d, weight, reference_rate, cap, ends):
+    """Return (reward, ended) of a step along a wall.
+
+    The running cost of lane keeping; a contact costs the cap, and where it ends the episode (``ends``) the cap for the
+    remaining ``steps_left`` as well.
+    """
+    zero, one = like(d, 0.0), like(d, 1.0)
+    cost = running_cost(d, steering_rate, reference_d, weight, reference_rate, cap)
+    charged = cap * (one + (steps_left if steps_left > zero else zero)) if ends else cap
+    cost = charged if touches else cost
+    return -cost * seconds, like(d, CONTACT) if touches and ends else zero
+
+
+@inline
+def judge_circuit(progress, steps_left, seconds, touches, done, largest_speed, ends):
+    """Return (reward, ended) of a step on a circuit.
+
+    Time is what counts: a second costs 1 minus the progress along the centre line over that at the largest speed, at
+    most 2. A lap done ends the cost; a contact costs 2 a second, and where it ends the episode (``ends``) for the
+    remaining ``steps_left`` as well, so that no drive without a contact is worse.
+    """
+    zero, one, most = like(progress, 0.0), like(progress, 1.0), like(progress, LARGEST_CIRCUIT_COST)
+    cost = one - progress / (largest_speed * seconds)
+    cost = most if cost > most else cost
+    charged = most * (one + (steps_left if steps_left > zero else zero)) if ends else most
+    cost = charged if touches else cost
+    ended = like(progress, FINISHED) if done else zero
+    ended = like(progress, CONTACT) if touches and ends else ended
+    return -cost * seconds, ended
