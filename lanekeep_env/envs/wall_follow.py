@@ -45,10 +45,10 @@ class WallFollowEnv(SingleEnv):
     | scan_0 ... | m | with `scan=`: ranges of the depth camera from right to left, 0 where a beam shows nothing |
 
     The side sensors sit on the car's axis half-way between the axles, front sensor and camera at its nose. `sensors`
-    adds noise, bias, rates, latency; `scan` range limits, gaps, wrong values at depth jumps; panels of glass are seen by
-    the ultrasonics and not by the camera. `observation="full"` adds lateral_error, heading_error, clearance and
-    steering_offset. `info` holds the truth: lateral_error (distance of the right wall from the side sensor minus
-    the set one), heading_error, lateral_acceleration, steering_rate, speed, arc_length, cost (contact), is_success,
+    adds noise, bias, rates, latency; `scan` range limits, gaps, wrong values at depth jumps; panels of glass are seen
+    by the ultrasonics and not by the camera. `observation="full"` adds lateral_error, heading_error, clearance and
+    steering_offset. `info` holds the truth: lateral_error (distance of the right wall from the side sensor minus the
+    set one), heading_error, lateral_acceleration, steering_rate, speed, arc_length, cost (contact), is_success,
     termination, x, y, distance, clearance, lap_time.
 
     ## Rewards
@@ -132,8 +132,8 @@ class CircuitEnv(WallFollowEnv):
     ## Rewards
 
     Time counts: a second costs 1 minus the progress along the centre line over that at `max_speed`, at most 2. A
-    contact charges 2 a second for the rest of `episode_steps`; the lap done, nothing more is charged. `info["lap_time"]` is the
-    last lap's in s (0 before).
+    contact charges 2 a second for the rest of `episode_steps`; the lap done, nothing more is charged.
+    `info["lap_time"]` is the last lap's in s (0 before).
 
     ## Starting State
 

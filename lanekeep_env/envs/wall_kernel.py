@@ -1,6 +1,6 @@
 """The compiled step of every environment between walls: one kernel for one car and for thousands.
 
-A step runs command -> servo, vehicle (sub-steps) -> contact -> progress -> sensors -> reward -> observation -> reset.
+A step: command -> servo, vehicle (sub-steps) -> contact -> progress -> sensors -> reward -> observation -> reset.
 The vehicle models are those of roads, on a straight path: x and y stand for arc length and lateral error. They run
 as SIMD code over the lanes of a block; rays, cones and contact as SIMD code over the walls of one lane.
 """
