@@ -93,14 +93,17 @@ class PublishedCascade(WallControl):
     rate, as on a car: then the steering chatters between its limits.
     """
 
-    def __init__(self, car: WallCar, limit: float, distance_gain: float, delayed: bool = False) -> None:
+    def __init__(
+        self, car: WallCar, limit: float, distance_gain: float, delayed: bool = False, gain_speed: float | None = None
+    ) -> None:
         super().__init__(car, limit)
-        self._distance_gain, self._delayed = distance_gain, delayed
+        self._distance_gain, self._delayed, self._gain_speed = distance_gain, delayed, gain_speed
 
     def command(
         self, at: Measured, wanted: Floats, memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats]:
-        design = published_cascade(self.car, at.speed, self._distance_gain)
+        falls = 1.0 if self._gain_speed is None else self._gain_speed / at.speed
+        design = published_cascade(self.car, at.speed, self._distance_gain * falls)
         turn, total = self.car.turn(at.speed), np.where(fresh, 0.0, memory[:, 0])
         rear = at.distance - self.car.sensor * at.heading
         rate = design.heading_gain * (design.distance_gain * (wanted - rear) - at.heading)
