@@ -58,9 +58,11 @@ class TraechtlerBlind(Planned):
     memory = 8
     #: Below this speed the deviation's rate tells nothing about the heading, m/s.
     slowest: ClassVar[float] = 0.3
-    #: In a planned bend the edge is believed back once it is this near to where the model has it, in set distances:
-    #: before, what the camera sees across a junction is the edge of the road behind the bend.
+    #: Where the planned curvature changes just ahead, the edge is believed back once it is this near to where the model
+    #: has it, in set distances: before, what the camera sees across a junction is the edge of the road behind the bend.
     believable: ClassVar[float] = 0.5
+    #: What is a change of curvature, 1/m.
+    change: ClassVar[float] = 0.01
 
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
@@ -71,9 +73,11 @@ class TraechtlerBlind(Planned):
         # Where the model is now, if it went on from the last step.
         e, heading, angle, command, plan = memory.T[:5]
         e, heading, angle = model.advance(e, heading, angle, command, plan, v, self._step)
-        plan = self.planned(self.plan(at), model.reach)
+        ahead = self.plan(at)
+        plan = self.planned(ahead, model.reach)
         near = np.abs(seen - e) <= self.believable * self._set_distance
-        believed = fresh | (memory[:, 7] > 0.5) | near | (plan == 0.0)
+        steady = np.abs(ahead[:, -1] - plan) <= self.change
+        believed = fresh | (memory[:, 7] > 0.5) | near | steady
         valid = (at["edge_valid"] > 0.5) & believed  # the switch: S1 where true
         e, heading, angle = (
             np.where(fresh, new, old) for new, old in ((seen, e), (0.0 * seen, heading), (steer, angle))

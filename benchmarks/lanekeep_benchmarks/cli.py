@@ -211,13 +211,15 @@ def replicate(
 
     Example: lanekeep replicate traechtler --out results/van
     """
-    from lanekeep_benchmarks.replications import WORKS, Replication, steps_of
+    from lanekeep_benchmarks.replications import NOTE, WORKS, Replication, steps_of
     from lanekeep_benchmarks.results import write_atomic
 
     with interruptible(""), input_errors():
         steps = list(steps_of(work))
         folder = out or Path("results") / f"replicate-{work}"
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())) and not overwrite:
+        if folder.exists() and not folder.is_dir():
+            raise ValueError(f"--out {folder} is a file; allowed: a folder, which is made if it is missing")
+        if folder.exists() and any(folder.iterdir()) and not overwrite:
             raise ValueError(f"--out {folder} is not empty; name another folder, or pass --overwrite")
         folder.mkdir(parents=True, exist_ok=True)
         found = Replication(WORKS[work][1])
@@ -242,12 +244,13 @@ def replicate(
         numbers = (f"{number:.{row.digits}f}" for number in (row.published, row.reproduced))
         table.add_row(row.quantity, row.source, *numbers, row.unit)
     console.print(table)
+    console.print(NOTE, highlight=False)
     for further in found.tables:
         table = Table(title=Text(further.title), title_justify="left")
         for place, heading in enumerate(further.headings):
             table.add_column(Text(heading), justify="right" if place else "left")
         for cells in further.rows:
-            table.add_row(*cells)
+            table.add_row(*(Text(cell) for cell in cells))
         console.print(table)
     console.print(f"Tables and figures: {folder}", highlight=False, soft_wrap=True)
 

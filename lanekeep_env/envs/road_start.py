@@ -92,6 +92,8 @@ def draw_car(i, key, lanes, settings):
     than `FRICTION_SHARE` of the friction, so that every episode can be driven.
     """
     mass_factor, shift = _within(key, np.int64(0), settings), _within(key, np.int64(4), settings)
+    if settings[at.MODEL] == at.FRONT_DRIVEN:
+        shift = 0.0  # its reference point is the rear axle
     mass = settings[at.NOMINAL] * mass_factor
     front, rear = settings[at.NOMINAL + 2] - shift, settings[at.NOMINAL + 3] + shift
     friction = settings[at.NOMINAL + 6] * _within(key, np.int64(1), settings)

@@ -96,8 +96,9 @@ def integrator(rates: Callable[..., Any], paced: bool = False) -> Callable[..., 
                 v = pace_[i]
                 allowed = _profile_speed(_not_negative(x), speed_[i], gain_[i])
                 missing, most = smaller(target_[i], allowed) - v, settings[at.SPEED_CHANGE]
-                v_middle = v + clip(missing, -most * like(h, 0.5), most * like(h, 0.5))
-                v_end = v + clip(missing, -most, most)
+                # The profile itself is held even where it brakes harder than that (a car with a speed factor).
+                v_middle = smaller(v + clip(missing, -most * like(h, 0.5), most * like(h, 0.5)), allowed)
+                v_end = smaller(v + clip(missing, -most, most), allowed)
                 pace_[i] = v_end
             else:
                 v = _profile_speed(_not_negative(x), speed_[i], gain_[i])

@@ -214,7 +214,7 @@ class RoadPicture:
         self._text(f"error {pose.d:+.2f} m", 24, _INK, (x, y + 40 * SCALE), "topleft")
         self._text(f"time {pose.time:.1f} s", 24, _INK, (x, y + 66 * SCALE), "topleft")
         if pose.edge is None and isinstance(self._scenario, CameraLaneScenario):
-            self._text("no edge", 24, _ALARM, (x, y + 92 * SCALE), "topleft")
+            self._text("no edge in sight", 24, _ALARM, (12 * SCALE, 12 * SCALE), "topleft")
         if pose.departed:
             self._text("left its lane", 24, _ALARM, (x, y + 92 * SCALE), "topleft")
 

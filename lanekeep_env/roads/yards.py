@@ -43,7 +43,7 @@ class YardRoads(RoadRecord):
         require("road.length", self.length, "m", at_least=50.0, at_most=1e6)
         require("road.smallest_radius", self.smallest_radius, "m", above=0.0)
         require("road.largest_radius", self.largest_radius, "m", at_least=self.smallest_radius)
-        require("road.gap_spacing", self.gap_spacing, "m", above=0.0, optional=True)
+        require("road.gap_spacing", self.gap_spacing, "m", at_least=1.0, optional=True)
         require("road.gap_length", self.gap_length, "m", above=0.0)
         require("road.seed", self.seed, "", at_least=0, whole=True)
         super().__post_init__()

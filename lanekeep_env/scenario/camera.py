@@ -31,7 +31,7 @@ class Camera:
     field_of_view: float = math.radians(110.0)
 
     def __post_init__(self) -> None:
-        require("camera.look_ahead", self.look_ahead, "m", at_least=0.0, at_most=100.0)
+        require("camera.look_ahead", self.look_ahead, "m", above=0.0, at_most=100.0)
         choose("camera.edge", self.edge, ("right", "left"))
         require("camera.field_of_view", self.field_of_view, "rad", above=0.0, at_most=math.radians(170.0))
         plain_numbers(self)

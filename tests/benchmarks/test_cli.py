@@ -45,7 +45,7 @@ def test_envs_lists_every_id_with_its_channels():
     assert all(env_id in RUNNER.invoke(app, ["envs"]).output for env_id in lanekeep_env.ENVIRONMENTS)
     found = json.loads(RUNNER.invoke(app, ["envs", "--json"]).stdout)
     assert [entry["id"] for entry in found] == sorted(lanekeep_env.ENVIRONMENTS)
-    channels = {channel["name"]: channel for channel in found[0]["channels"]}
+    channels = {channel["name"]: channel for channel in next(e for e in found if "LaneKeep" in e["id"])["channels"]}
     assert channels["lateral_error"]["unit"] == "m"
 
 
@@ -182,10 +182,12 @@ def test_missing_typer_names_the_extra(tmp_path):
     assert done.stderr == 'lanekeep: typer is not installed; pip install "lanekeep[bench]"\n'
 
 
-def test_all_baselines_are_the_default(oval, tmp_path, capsys):
+def test_all_baselines_that_can_drive_are_the_default(oval, tmp_path, capsys):
     assert main(["bench", "--road", str(oval), "--episodes", "1", "--json", "--out", str(tmp_path / "out")]) == 0
     policies = json.loads(capsys.readouterr().out)["scenarios"][0]["policies"]
-    assert [row["policy"] for row in policies] == list(lanekeep_baselines.names())
+    assert [row["policy"] for row in policies] == list(
+        lanekeep_baselines.names(lanekeep_env.LaneKeepScenario(preview=12))
+    )
 
 
 class TestSpeed:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from importlib import import_module
 
-from lanekeep_benchmarks.replications.record import Replication, Row, Table
+from lanekeep_benchmarks.replications.record import NOTE, Replication, Row, Table
 from lanekeep_env.checks import choose
 
-__all__ = ["WORKS", "Replication", "Row", "Table", "steps_of"]
+__all__ = ["NOTE", "WORKS", "Replication", "Row", "Table", "steps_of"]
 
 #: Name of a work, the module that drives it, and what it is.
 WORKS = {

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+#: What a reader must know about the sources.
+NOTE = "checked: not printed in the work, but recomputed from its equations, independently of this code."
+
 
 @dataclass(frozen=True)
 class Row:
@@ -59,6 +62,7 @@ class Replication:
         for row in self.rows:
             numbers = f"{row.published:.{row.digits}f} | {row.reproduced:.{row.digits}f}"
             lines.append(f"| {row.quantity} | {row.source} | {numbers} | {row.unit} |")
+        lines += ["", NOTE[0].upper() + NOTE[1:]]
         for table in self.tables:
             lines += ["", f"## {table.title}", "", f"| {' | '.join(table.headings)} |"]
             lines.append(f"|---{'|---:' * (len(table.headings) - 1)}|")
