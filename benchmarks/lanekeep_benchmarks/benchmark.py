@@ -170,7 +170,8 @@ def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
         env.close()
         traces = {name: record(scenario, plan.policy(name, definition), seed) for name in plan.policies}
         title = f"{scenario.title}: episode 0, seed {plan.seed}"
-        picture = plots.plot_episode(title, traces, definition.control_step, definition.lane_width)
+        width = getattr(definition, "lane_width", None)
+        picture = plots.plot_episode(title, traces, definition.control_step, width)
         folder.write(f"plot_episode_{scenario.name}.png", picture)
         if plan.road is not None:
             picture = plots.plot_map(title, definition.road.build()[0], traces, definition.lane_width)

@@ -47,7 +47,8 @@ class EpisodeResult:
     """One line of episodes.jsonl.
 
     ``metrics``: rms_lateral_error and peak_lateral_error in m, rms_steering_rate in rad/s at the road wheel,
-    peak_lateral_acceleration in m/s², return; over the steps driven. ``failed``: the car left the lane.
+    peak_lateral_acceleration in m/s², return; over the steps driven; on circuits lap_time in s instead of the errors.
+    ``failed``: the car left the lane, touched a wall or did not finish its lap.
     """
 
     suite: str
@@ -120,9 +121,15 @@ def drive(env: Any, policy: Policy, seeds: Sequence[int], options: Mapping[str, 
         alive = alive & ~(terminated | truncated)
 
 
-def measure(steps: Iterator[Step], lanes: int) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.bool_], NDArray]:
-    """Reduce steps to (metrics by name, failed, steps driven), arrays of shape (lanes,)."""
-    squared_error, peak_error, squared_rate, peak_acceleration, total = np.zeros((5, lanes))
+def measure(
+    steps: Iterator[Step], lanes: int, lap_step: float | None = None
+) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.bool_], NDArray]:
+    """Reduce steps to (metrics by name, failed, steps driven), arrays of shape (lanes,).
+
+    Where laps are driven, ``lap_step`` is the control step in s: the lap time takes the place of the errors, a lap that
+    was not done has failed and counts as long as it was driven.
+    """
+    squared_error, peak_error, squared_rate, peak_acceleration, total, lap = np.zeros((6, lanes))
     failed = np.zeros(lanes, dtype=bool)
     count = np.zeros(lanes, dtype=np.int64)
     for step in steps:
@@ -137,14 +144,18 @@ def measure(steps: Iterator[Step], lanes: int) -> tuple[dict[str, NDArray[np.flo
         np.maximum(peak_acceleration, acceleration, out=peak_acceleration, where=alive)
         failed |= alive & ~np.asarray(info["is_success"], dtype=bool)
         count += alive
-    metrics = {
-        "rms_lateral_error": np.sqrt(squared_error / count),
-        "peak_lateral_error": peak_error,
+        if lap_step is not None:
+            np.copyto(lap, info["lap_time"], where=alive)
+    effort = {
         "rms_steering_rate": np.sqrt(squared_rate / count),
         "peak_lateral_acceleration": peak_acceleration,
         "return": total,
     }
-    return metrics, failed, count
+    if lap_step is not None:
+        done = lap > 0.0
+        return {"lap_time": np.where(done, lap, count * lap_step), **effort}, failed | ~done, count
+    errors = {"rms_lateral_error": np.sqrt(squared_error / count), "peak_lateral_error": peak_error}
+    return {**errors, **effort}, failed, count
 
 
 def evaluate(
@@ -174,7 +185,8 @@ def evaluate(
             scenario_hash = scenario.hash(definition.hash)
             for name in filter(missing.get, policies):
                 policy = make_policy(name, definition)
-                metrics, failed, count = measure(drive(env, policy, seeds, scenario.options), len(seeds))
+                lap_step = definition.control_step if hasattr(definition, "laps") else None
+                metrics, failed, count = measure(drive(env, policy, seeds, scenario.options), len(seeds), lap_step)
                 yield [
                     EpisodeResult(
                         suite=suite.name,

@@ -13,6 +13,8 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from lanekeep_benchmarks.report import columns_of
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -38,7 +40,7 @@ def png(figure: Figure) -> bytes:
 
 
 def plot_errors(summary: Mapping[str, Any]) -> bytes:
-    """RMS lateral error of every policy with its interval, one panel a scenario, failure rates beside the points."""
+    """RMS lateral error (or lap time) of every policy with its interval, a panel a scenario, and its failure rate."""
     scenarios = summary["scenarios"]
     names = [row["policy"] for row in scenarios[0]["policies"]]
     columns = min(3, len(scenarios))
@@ -46,13 +48,16 @@ def plot_errors(summary: Mapping[str, Any]) -> bytes:
     figure = Figure(figsize=(3.0 + 2.8 * columns, 0.4 + rows * (1.1 + 0.4 * len(names))), layout="constrained")
     grid = figure.subplots(rows, columns, sharey=True, squeeze=False)
     for axes, scenario in zip(grid.flat, scenarios, strict=False):
-        widest = _widest(scenario["policies"])
+        primary = columns_of(scenario["policies"])[0]
+        widest = _widest(scenario["policies"], primary.key)
         for place, row in enumerate(scenario["policies"]):
-            error = row["metrics"]["rms_lateral_error"]
+            error = row["metrics"][primary.key]
             colour = colour_of(place)
             if error["value"] > widest:
                 axes.plot(1.05 * widest, place, ">", color=colour, markersize=6)
-                axes.annotate(f"{error['value']:.2g} m ", (1.02 * widest, place), ha="right", va="center", fontsize=8)
+                axes.annotate(
+                    f"{error['value']:.2g} {primary.unit} ", (1.02 * widest, place), ha="right", va="center", fontsize=8
+                )
             else:
                 if error["low"] is not None:
                     axes.plot([error["low"], error["high"]], [place, place], color=colour, linewidth=3, alpha=0.5)
@@ -68,7 +73,7 @@ def plot_errors(summary: Mapping[str, Any]) -> bytes:
             )
         axes.annotate("failed", (1.02, 1.02), xycoords="axes fraction", fontsize=8, color="#606060")
         axes.set_title(scenario["scenario"], fontsize=10)
-        axes.set_xlabel("RMS lateral error [m]")
+        axes.set_xlabel(f"{primary.label} [{primary.unit}]")
         axes.set_xlim(0, 1.1 * widest)
         axes.margins(y=0.15)
         axes.grid(axis="x", **GRID)
@@ -81,13 +86,13 @@ def plot_errors(summary: Mapping[str, Any]) -> bytes:
     return png(figure)
 
 
-def _widest(rows: Sequence[Mapping[str, Any]]) -> float:
+def _widest(rows: Sequence[Mapping[str, Any]], key: str) -> float:
     """Largest error that the axis shows: that of the policies which mostly stay in their lane, if there are any."""
     kept = [row for row in rows if row["failure_rate"]["value"] <= 0.5] or rows
-    return max(row["metrics"]["rms_lateral_error"][end] or 0.0 for row in kept for end in ("value", "high"))
+    return max(row["metrics"][key][end] or 0.0 for row in kept for end in ("value", "high"))
 
 
-def plot_episode(title: str, traces: Mapping[str, Trace], control_step: float, lane_width: float) -> bytes:
+def plot_episode(title: str, traces: Mapping[str, Trace], control_step: float, lane_width: float | None) -> bytes:
     """Lateral error, steering angle, speed and curvature over time of one episode, all policies."""
     rows = (
         ("lateral_error", "lateral error [m]", 1.0),
@@ -97,6 +102,8 @@ def plot_episode(title: str, traces: Mapping[str, Trace], control_step: float, l
     )
     if any("planned_curvature_0" in trace for trace in traces.values()):
         rows = (*rows[:-1], ("planned_curvature_0", "curvature [1/m]", 1.0))
+    if any("distance_right" in trace for trace in traces.values()):
+        rows = (rows[0], rows[1], ("speed", "speed [m/s]", 1.0), ("distance_right", "right wall [m]", 1.0))
     figure = Figure(figsize=(9, 8), layout="constrained")
     panels = figure.subplots(len(rows), 1, sharex=True, gridspec_kw={"height_ratios": [2, 1.4, 1, 1]})
     for axes, (key, label, scale) in zip(panels, rows, strict=True):
@@ -106,7 +113,8 @@ def plot_episode(title: str, traces: Mapping[str, Trace], control_step: float, l
                 axes.plot(time, scale * trace[key], color=colour_of(place), linewidth=1.2, label=name)
         axes.set_ylabel(label)
         axes.grid(**GRID)
-    _mark_lane(panels[0], lane_width)
+    if lane_width is not None:
+        _mark_lane(panels[0], lane_width)
     panels[-1].set_xlabel("time [s]")
     panels[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False, fontsize=8)
     figure.suptitle(title, fontsize=11)

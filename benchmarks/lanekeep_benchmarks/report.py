@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -27,13 +27,18 @@ class Column:
 
 
 COLUMNS = (
+    Column("lap_time", "lap time", "s", 2),
     Column("rms_lateral_error", "RMS lateral error", "m", 3),
     Column("peak_lateral_error", "peak lateral error", "m", 3),
     Column("rms_steering_rate", "RMS steering rate", "rad/s", 4),
     Column("peak_lateral_acceleration", "peak lateral acceleration", "m/s²", 2),
     Column("return", "return", "", 1),
 )
-DIFFERENCE = "rms_lateral_error"
+
+
+def columns_of(rows: Sequence[Mapping[str, Any]]) -> tuple[Column, ...]:
+    """The columns of a scenario's policies: those of which it has metrics. The first one is what differences are of."""
+    return tuple(column for column in COLUMNS if column.key in rows[0]["metrics"])
 
 
 def summarise(suite: Suite, results: Iterable[EpisodeResult], policies: Sequence[str]) -> dict[str, Any]:
@@ -85,7 +90,8 @@ def summarise(suite: Suite, results: Iterable[EpisodeResult], policies: Sequence
 
 def _summarise_policies(by_policy: dict[str, list[EpisodeResult]]) -> list[dict[str, Any]]:
     """Intervals of one scenario. One bootstrap serves all columns, which makes the differences paired."""
-    keys = [column.key for column in COLUMNS]
+    sample = next(iter(by_policy.values()))[0].metrics
+    keys = [column.key for column in COLUMNS if column.key in sample]
     values = np.array([[[line.metrics[key] for key in keys] for line in lines] for lines in by_policy.values()])
     differences = values - values[:1]
     stacked = np.concatenate([values, differences], axis=2)  # (policies, episodes, 2 metrics)
@@ -113,18 +119,19 @@ def _plain(interval: Interval) -> dict[str, float | None]:
     return {key: None if math.isnan(value) else value for key, value in asdict(interval).items()}
 
 
-def headings(reference: str) -> list[str]:
+def headings(columns: Sequence[Column], reference: str) -> list[str]:
     """Column headings of a scenario's table."""
-    names = [f"{column.label} [{column.unit}]" if column.unit else column.label for column in COLUMNS]
-    return ["policy", "failure rate [%]", *names, f"RMS lateral error − {reference}'s [m]"]
+    names = [f"{column.label} [{column.unit}]" if column.unit else column.label for column in columns]
+    return ["policy", "failure rate [%]", *names, f"{columns[0].label} − {reference}'s [{columns[0].unit}]"]
 
 
-def cells(row: dict[str, Any]) -> list[tuple[str, str]]:
+def cells(row: dict[str, Any], columns: Sequence[Column]) -> list[tuple[str, str]]:
     """One policy's cells as (value, interval) in the order of the headings, without the policy's name."""
     found = [_cell({key: 100 * bound for key, bound in row["failure_rate"].items()}, 1)]
-    found += [_cell(row["metrics"][column.key], column.digits) for column in COLUMNS]
+    found += [_cell(row["metrics"][column.key], column.digits) for column in columns]
     difference = row["difference_to_reference"]
-    found.append(_cell(difference[DIFFERENCE], 3, sign="+") if difference else ("reference", ""))
+    first = columns[0]
+    found.append(_cell(difference[first.key], first.digits, sign="+") if difference else ("reference", ""))
     return found
 
 
@@ -152,20 +159,22 @@ def terminal_table(scenario: dict[str, Any], reference: str) -> Table:
     """Table of one scenario for the terminal, the interval below each value."""
     # Text, because plain strings are markup, which eats the units' brackets.
     table = Table(title=Text(scenario["title"], style="bold"), title_justify="left", row_styles=("", "dim"))
-    for index, heading in enumerate(headings(reference)):
+    columns = columns_of(scenario["policies"])
+    for index, heading in enumerate(headings(columns, reference)):
         table.add_column(Text(heading), justify="right" if index else "left", no_wrap=not index)
     for row in scenario["policies"]:
-        table.add_row(row["policy"], *("\n".join(cell).rstrip() for cell in cells(row)))
+        table.add_row(row["policy"], *("\n".join(cell).rstrip() for cell in cells(row, columns)))
     return table
 
 
 def markdown(summary: dict[str, Any]) -> str:
     """All tables of a run as Markdown."""
-    names = headings(summary["reference"])
     lines = [f"# {summary['suite']}: {summary['description']}", "", caption(summary) + "."]
     for scenario in summary["scenarios"]:
+        columns = columns_of(scenario["policies"])
+        names = headings(columns, summary["reference"])
         lines += ["", f"## {scenario['title']}", "", f"| {' | '.join(names)} |", f"|---{'|---:' * (len(names) - 1)}|"]
         for row in scenario["policies"]:
-            texts = [f"{value}<br>{interval}" if interval else value for value, interval in cells(row)]
+            texts = [f"{value}<br>{interval}" if interval else value for value, interval in cells(row, columns)]
             lines.append(f"| {row['policy']} | {' | '.join(texts)} |")
     return "\n".join(lines) + "\n"

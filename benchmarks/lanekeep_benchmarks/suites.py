@@ -60,6 +60,13 @@ _COMMON: dict[str, Any] = {"preview": 12, "departure": "cost"}
 _ROADS: dict[str, Any] = {"kind": "random", "seed": 1}
 _YARD: dict[str, Any] = {"kind": "yard", "seed": 1}
 _CAMERA: dict[str, Any] = {"departure": "cost"}
+# Wall following with the true heading in sight, which some of the published controllers need.
+_WALL: dict[str, Any] = {
+    "contact": "cost",
+    "observation": "full",
+    "world": {"kind": "corridor", "length": 80.0, "width": 3.0},
+}
+_OFFSET = (math.radians(3.0), math.radians(3.0))
 
 SUITES: dict[str, Suite] = {
     suite.name: suite
@@ -125,6 +132,71 @@ SUITES: dict[str, Suite] = {
                     "Road works: a lane of 2.75 m that shifts sideways, 80 km/h",
                     {"road": {"kind": "roadworks", "seed": 1}, **_COMMON},
                     env_id="lanekeep/RoadWorks-v0",
+                ),
+            ),
+        ),
+        Suite(
+            name="walls",
+            description="a 1:10 car at 1 m from the wall on its right, start within 0.3 m and 20 degrees",
+            episodes=256,
+            scenarios=(
+                SuiteScenario(
+                    "perfect",
+                    "Perfect sensors, 0.3 to 2 m/s, no steering offset",
+                    {"steering_offset": 0.0, **_WALL},
+                    env_id="lanekeep/WallFollow-v0",
+                ),
+                SuiteScenario(
+                    "offset",
+                    "The same with a steering offset of 3 degrees",
+                    {"steering_offset": _OFFSET, **_WALL},
+                    env_id="lanekeep/WallFollow-v0",
+                ),
+                SuiteScenario(
+                    "sensors",
+                    "The same with noisy ultrasonics, a biased gyroscope and an encoder of 40 ticks",
+                    {"steering_offset": _OFFSET, "sensors": "production", "encoder_ticks": 40, **_WALL},
+                    env_id="lanekeep/WallFollow-v0",
+                ),
+                SuiteScenario(
+                    "dynamic",
+                    "The same on a car with tyres and a servo that lags by 50 ms",
+                    {
+                        "steering_offset": _OFFSET,
+                        "sensors": "production",
+                        "encoder_ticks": 40,
+                        "dynamics": "dynamic",
+                        "vehicle": {
+                            "base": "knightriders",
+                            "steering": {"lag": 0.05, "angle_limit": math.radians(22.0)},
+                        },
+                        **_WALL,
+                    },
+                    env_id="lanekeep/WallFollow-v0",
+                ),
+            ),
+        ),
+        Suite(
+            name="circuit",
+            description="a lap of random rectangular circuits, corridors of 1.2 to 3 m, at up to 2 m/s",
+            episodes=100,
+            scenarios=(
+                SuiteScenario(
+                    "perfect",
+                    "Perfect sensors, 64 beams",
+                    {"world": {"kind": "random-circuits", "seed": 1, "count": 100}},
+                    env_id="lanekeep/Circuit-v0",
+                ),
+                SuiteScenario(
+                    "sensors",
+                    "Noisy ultrasonics, a biased gyroscope, an encoder of 40 ticks, the Kinect's faults",
+                    {
+                        "world": {"kind": "random-circuits", "seed": 1, "count": 100},
+                        "sensors": "production",
+                        "encoder_ticks": 40,
+                        "scan": "kinect",
+                    },
+                    env_id="lanekeep/Circuit-v0",
                 ),
             ),
         ),
