@@ -112,7 +112,7 @@ def make_plan(suite: str | None, policies: str | None, road: Path | None, episod
         env = make_lanes(scenario, 1)
         definitions[scenario.name] = env.unwrapped.scenario
         env.close()
-    names = policy_names(policies, definitions.values())
+    names = policy_names(policies, definitions.values(), chosen.family)
     plan = Plan(chosen, names, episodes or chosen.episodes, seed, road)
     for scenario in chosen.scenarios:
         definition = definitions[scenario.name]
@@ -122,8 +122,8 @@ def make_plan(suite: str | None, policies: str | None, road: Path | None, episod
     return plan
 
 
-def policy_names(text: str | None, definitions: Iterable[RoadScenario]) -> list[str]:
-    """Split a comma-separated list; None means all that can drive ``definitions``.
+def policy_names(text: str | None, definitions: Iterable[RoadScenario], family: str) -> list[str]:
+    """Split a comma-separated list; None means all of a family that can drive ``definitions``.
 
     Raises:
         ValueError: an unknown or a repeated name.
@@ -131,7 +131,7 @@ def policy_names(text: str | None, definitions: Iterable[RoadScenario]) -> list[
     known = list(lanekeep_baselines.names())
     if text is None:
         driving = [set(lanekeep_baselines.names(definition)) for definition in definitions]
-        return [name for name in known if all(name in names for names in driving)]
+        return [name for name in known if name.startswith(family) and all(name in names for names in driving)]
     names = [name.strip() for name in text.split(",") if name.strip()]
     for name in names:
         if name not in known:

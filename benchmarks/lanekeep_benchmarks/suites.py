@@ -45,12 +45,17 @@ class SuiteScenario:
 
 @dataclass(frozen=True)
 class Suite:
-    """Scenarios that are evaluated and reported together; ``episodes`` is the default number for each scenario."""
+    """Scenarios that are evaluated and reported together.
+
+    ``episodes`` is the default number for each scenario; ``family`` what the names of the policies begin with that
+    drive it by default, empty for all that can.
+    """
 
     name: str
     description: str
     scenarios: tuple[SuiteScenario, ...]
     episodes: int
+    family: str = ""
 
 
 # 1.1 s of curvature ahead, for every policy, so that all see the same observation (some read it, Yin's own do not).
@@ -139,6 +144,7 @@ SUITES: dict[str, Suite] = {
             name="walls",
             description="a 1:10 car at 1 m from the wall on its right, start within 0.3 m and 20 degrees",
             episodes=256,
+            family="knightriders",
             scenarios=(
                 SuiteScenario(
                     "perfect",
