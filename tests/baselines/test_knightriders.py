@@ -45,7 +45,6 @@ def follow(name, steps, lanes=1, seed=0, start=None, **keywords):
     ("policy", "name", "variant"),
     [
         ("knightriders-pi", "pi", "si"),
-        ("knightriders-pi-as-driven", "pi", "as-driven"),
         ("knightriders-pi-state-as-driven", "pi-state", "as-driven"),
         ("knightriders-cascade", "cascade-redesigned", "si"),
         ("knightriders-pd-as-driven", "pd", "as-driven"),
