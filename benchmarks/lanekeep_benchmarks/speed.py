@@ -25,6 +25,12 @@ ENV_ID = "lanekeep/LaneKeep-v0"
 LANES = 1024
 #: Calls of `step` in one quick round; a full round has four times as many.
 STEPS = {"single": 10_000, "highway": 100, "vector": 100}
+#: Further environments as a single one: task, what is special in words and in keywords.
+OTHERS: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    ("TurnOff", "", {}),
+    ("WallFollow", "", {}),
+    ("Circuit", ", 1080 beams", {"scan": {"beams": 1080, "field_of_view": 4.7, "nearest": 0.0}}),
+)
 
 
 @dataclass(frozen=True)
@@ -45,9 +51,9 @@ class Speeds:
     notes: list[str] = field(default_factory=list)
 
 
-def _single(env_id: str, steps: int) -> Callable[[], int]:
-    """Default `gym.make`, random actions drawn beforehand, resets included."""
-    env = gym.make(env_id)
+def _single(env_id: str, steps: int, **keywords: Any) -> Callable[[], int]:
+    """`gym.make` with ``keywords``, random actions drawn beforehand, resets included."""
+    env = gym.make(env_id, **keywords)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(min(steps, 4096))]
     env.reset(seed=0)
@@ -84,6 +90,10 @@ def contenders(quick: bool, notes: list[str]) -> list[Contender]:
     found = [
         Contender("lanekeep", _single(ENV_ID, STEPS["single"] * scale)),
         Contender("CartPole-v1", _single("CartPole-v1", STEPS["single"] * scale)),
+        *(
+            Contender(f"lanekeep {task}{tail}", _single(f"lanekeep/{task}-v0", STEPS["single"] * scale, **keywords))
+            for task, tail, keywords in OTHERS
+        ),
     ]
     if importlib.util.find_spec("highway_env") is None:
         notes.append('highway-env is not installed, so it is left out; pip install "lanekeep[highway]"')
@@ -97,6 +107,8 @@ def contenders(quick: bool, notes: list[str]) -> list[Contender]:
         for count in threads:
             run = _vector(ENV_ID, STEPS["vector"] * scale, dtype=dtype, num_threads=count)
             found.append(Contender(f"lanekeep {LANES} lanes, {dtype}, {count} thread{'s' * (count > 1)}", run))
+    circuits = _vector("lanekeep/Circuit-v0", STEPS["vector"] * scale, dtype="float32")
+    found.append(Contender(f"lanekeep Circuit {LANES} lanes, 64 beams, float32, 1 thread", circuits))
     found.append(Contender(f"CartPole-v1 {LANES} lanes", _vector("CartPole-v1", STEPS["vector"] * scale)))
     return found
 
