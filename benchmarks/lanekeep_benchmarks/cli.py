@@ -21,6 +21,7 @@ import lanekeep_env
 from lanekeep_benchmarks.endings import Interrupted, disk_errors, input_errors, interruptible, one_line
 from lanekeep_env.checks import choose
 from lanekeep_env.roads import road_from
+from lanekeep_env.walls import world_from
 
 app = typer.Typer(
     name="lanekeep",
@@ -160,6 +161,7 @@ def play_command(
     gif: Annotated[Path | None, typer.Option(help="File for the pictures; by default one in results/.")] = None,
     human: Annotated[bool, typer.Option("--human", help="Show a window instead of writing a GIF.")] = False,
     road: Annotated[str | None, typer.Option(help="Name of a road or a CSV file.")] = None,
+    world: Annotated[str | None, typer.Option(help="Name of a walled world or a map's YAML file.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the episode.")] = 0,
     seconds: Annotated[float, typer.Option(min=0.1, max=120.0, help="Length at the most.")] = 15.0,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Write over an existing GIF.")] = False,
@@ -178,9 +180,15 @@ def play_command(
         choose("ENV", env_id, lanekeep_env.ENVIRONMENTS)
         if policy is not None:
             choose("--policy", policy, lanekeep_baselines.names())
-        keywords = {} if road is None else {"road": road_from(road)}
+        where = playing.place_of(env_id)
+        for option, given in (("road", road), ("world", world)):
+            if given is not None and option != where:
+                raise ValueError(f"--{option} is not for {env_id}; allowed: --{where}")
+        keywords: dict[str, Any] = {} if road is None else {"road": road_from(road)}
+        if world is not None:
+            keywords["world"] = world_from(world)
         policy = policy or playing.preferred(env_id, **keywords)
-        place = "" if road is None else f"-{Path(road).stem}"
+        place = "".join(f"-{Path(given).stem}" for given in (road, world) if given is not None)
         file = gif or Path("results") / f"{env_id.rpartition('/')[2]}{place}-{policy}-seed{seed}.gif"
         if file.suffix.lower() != ".gif":
             raise ValueError(f"--gif {file} must end in .gif")
@@ -191,7 +199,8 @@ def play_command(
         if not human:
             file.parent.mkdir(parents=True, exist_ok=True)
             playing.write_gif(file, frames, episode.seconds)
-    end = "left its lane" if episode.departed else "stayed in its lane"
+    left, kept = ("left its lane", "stayed in its lane") if where == "road" else ("touched a wall", "touched none")
+    end = left if episode.departed else kept
     print(
         f"{policy} drove {episode.seconds:.1f} s, RMS lateral error {episode.rms_lateral_error:.3f} m, "
         f"peak {episode.peak_lateral_error:.3f} m, and {end}" + ("" if human else f"; pictures: {file}")

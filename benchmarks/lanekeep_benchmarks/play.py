@@ -33,7 +33,7 @@ class Episode:
 
 
 #: What drives an environment unless told otherwise: the first of these that can.
-PREFERRED = ("yin-lqr-feedforward", "traechtler-inverse")
+PREFERRED = ("yin-lqr-feedforward", "traechtler-inverse", "knightriders-circuit", "knightriders-cascade-kalman")
 
 
 def preferred(env_id: str, **keywords: Any) -> str:
@@ -42,11 +42,18 @@ def preferred(env_id: str, **keywords: Any) -> str:
     return next((name for name in PREFERRED if name in able), able[0])
 
 
+def place_of(env_id: str) -> str:
+    """Return the keyword that says where an environment's car drives: "road" or "world"."""
+    return "road" if hasattr(gym.make(env_id).unwrapped.scenario, "road") else "world"  # type: ignore[attr-defined]
+
+
 def make(env_id: str, render_mode: str | None, **keywords: Any) -> gym.Env:
-    """Make the environment as it is played: a departure ends nothing, and 1.1 s of road is shown where that exists."""
-    if hasattr(gym.make(env_id).unwrapped.scenario, "preview"):  # type: ignore[attr-defined]
+    """Make the environment as it is played: departures and contacts end nothing; 1.1 s of road is shown where it can."""
+    scenario = gym.make(env_id).unwrapped.scenario  # type: ignore[attr-defined]
+    if hasattr(scenario, "preview"):
         keywords = {"preview": 12, **keywords}
-    return gym.make(env_id, render_mode=render_mode, departure="cost", **keywords)
+    ends = "departure" if hasattr(scenario, "departure") else "contact"
+    return gym.make(env_id, render_mode=render_mode, **{ends: "cost", **keywords})
 
 
 def play(
