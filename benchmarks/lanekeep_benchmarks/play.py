@@ -48,7 +48,7 @@ def place_of(env_id: str) -> str:
 
 
 def make(env_id: str, render_mode: str | None, **keywords: Any) -> gym.Env:
-    """Make the environment as it is played: departures and contacts end nothing; 1.1 s of road is shown where it can."""
+    """Make the environment as it is played: departures and contacts end nothing; roads are shown 1.1 s ahead."""
     scenario = gym.make(env_id).unwrapped.scenario  # type: ignore[attr-defined]
     if hasattr(scenario, "preview"):
         keywords = {"preview": 12, **keywords}
