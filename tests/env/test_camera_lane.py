@@ -187,8 +187,9 @@ def test_the_van_slows_down_before_bends():
     roads, (s, v, _, error) = in_lane(road={"kind": "yard", "count": 30, "gap_spacing": None}, speed=speed)
     assert np.abs(error).max() < 1.0
     demand = np.stack([v[:, i] ** 2 * np.abs(road.curvature(s[:, i])) for i, road in enumerate(roads)], axis=1)
-    assert demand.max() <= 1.5 * 1.05 and np.quantile(demand, 0.9) > 1.2
-    assert np.abs(np.diff(v, axis=0)).max() <= 1.2 * 0.04 * (1 + 1e-9)
+    assert demand.max() <= 1.5 * 1.01 and np.quantile(demand, 0.9) > 1.2
+    # On the inside of a bend the van passes the profile faster than the centre line does, and brakes that much harder.
+    assert np.abs(np.diff(v, axis=0)).max() <= 1.2 * 0.04 * 1.05
     assert v.max() == pytest.approx(6.0, abs=1e-6) and v.min() < 3.0
     assert (v[0] < 5.9).any()  # starts in bends, too
     _, (_, free, _, _) = in_lane(lanes=20, steps=100, speed={**speed, "lateral_acceleration": None})
