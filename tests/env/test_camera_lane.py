@@ -273,7 +273,7 @@ def test_full_observations_add_the_truth_of_rear_axle_and_motor():
     ("keywords", "words"),
     [
         ({"camera": {"edge": "up"}}, ["camera.edge='up'", "right, left"]),
-        ({"camera": {"look_ahead": -1.0}}, ["camera.look_ahead=-1.0", ">= 0", "m"]),
+        ({"camera": {"look_ahead": -1.0}}, ["camera.look_ahead=-1.0", "> 0", "m"]),
         ({"camera": {"field_of_view": 3.2}}, ["camera.field_of_view=3.2", "<= 2.96", "rad"]),
         ({"camera": {"fov": 1.0}}, ["camera", "fov", "field_of_view"]),
         ({"camera": 3.5}, ["camera=3.5", "mapping"]),
@@ -323,7 +323,7 @@ def random_keywords(rng):
     }
     radius = float(rng.uniform(2.5, 8.0))
     yard = {"kind": "yard", "count": 6, "length": 150.0, "smallest_radius": radius, "seed": int(rng.integers(9))}
-    low = float(rng.uniform(0.0, 6.0))
+    low = float(rng.uniform(0.1, 6.0))
     return {
         "vehicle": pick("van", "yin", IDEAL, *3 * [{"base": pick("van", "commonroad-1"), "steering": steering}]),
         "road": pick(
@@ -342,7 +342,7 @@ def random_keywords(rng):
         ),
         "camera": {
             "edge": pick("left", "right"),
-            "look_ahead": float(rng.uniform(0.0, 6.0)),
+            "look_ahead": float(rng.uniform(0.1, 6.0)),
             "field_of_view": float(rng.uniform(0.2, 2.9)),
         },
         "plan": pick(0, 4, 20, 40),
