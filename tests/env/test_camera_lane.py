@@ -187,8 +187,9 @@ def test_the_van_slows_down_before_bends():
     roads, (s, v, _, error) = in_lane(road={"kind": "yard", "count": 30, "gap_spacing": None}, speed=speed)
     assert np.abs(error).max() < 1.0
     demand = np.stack([v[:, i] ** 2 * np.abs(road.curvature(s[:, i])) for i, road in enumerate(roads)], axis=1)
-    assert demand.max() <= 1.5 * 1.05 and np.quantile(demand, 0.9) > 1.2
-    assert np.abs(np.diff(v, axis=0)).max() <= 1.2 * 0.04 * (1 + 1e-9)
+    assert demand.max() <= 1.5 * 1.01 and np.quantile(demand, 0.9) > 1.2
+    # On the inside of a bend the van passes the profile faster than the centre line does, and brakes that much harder.
+    assert np.abs(np.diff(v, axis=0)).max() <= 1.2 * 0.04 * 1.05
     assert v.max() == pytest.approx(6.0, abs=1e-6) and v.min() < 3.0
     assert (v[0] < 5.9).any()  # starts in bends, too
     _, (_, free, _, _) = in_lane(lanes=20, steps=100, speed={**speed, "lateral_acceleration": None})
@@ -272,7 +273,7 @@ def test_full_observations_add_the_truth_of_rear_axle_and_motor():
     ("keywords", "words"),
     [
         ({"camera": {"edge": "up"}}, ["camera.edge='up'", "right, left"]),
-        ({"camera": {"look_ahead": -1.0}}, ["camera.look_ahead=-1.0", ">= 0", "m"]),
+        ({"camera": {"look_ahead": -1.0}}, ["camera.look_ahead=-1.0", "> 0", "m"]),
         ({"camera": {"field_of_view": 3.2}}, ["camera.field_of_view=3.2", "<= 2.96", "rad"]),
         ({"camera": {"fov": 1.0}}, ["camera", "fov", "field_of_view"]),
         ({"camera": 3.5}, ["camera=3.5", "mapping"]),
@@ -322,7 +323,7 @@ def random_keywords(rng):
     }
     radius = float(rng.uniform(2.5, 8.0))
     yard = {"kind": "yard", "count": 6, "length": 150.0, "smallest_radius": radius, "seed": int(rng.integers(9))}
-    low = float(rng.uniform(0.0, 6.0))
+    low = float(rng.uniform(0.1, 6.0))
     return {
         "vehicle": pick("van", "yin", IDEAL, *3 * [{"base": pick("van", "commonroad-1"), "steering": steering}]),
         "road": pick(
@@ -341,7 +342,7 @@ def random_keywords(rng):
         ),
         "camera": {
             "edge": pick("left", "right"),
-            "look_ahead": float(rng.uniform(0.0, 6.0)),
+            "look_ahead": float(rng.uniform(0.1, 6.0)),
             "field_of_view": float(rng.uniform(0.2, 2.9)),
         },
         "plan": pick(0, 4, 20, 40),
