@@ -2,6 +2,9 @@
 
 The report prints the cascade's poles and gains and the poles of the PD; its responses are curves. "Checked" numbers
 were recomputed from its equations and listings by others than the authors of this code. Units: `wall_simulation`.
+
+Distances are the side sensor's. The report says of Figures 3.33 to 3.38 that theirs is the rear axle's, which cannot be
+meant in their mixed units: from a start of (0.8, 20) it would be -2.7.
 """
 
 from __future__ import annotations

@@ -92,6 +92,7 @@ def responses(title: str, columns: Sequence[Column], band: float | None = None) 
     panels = figure.subplots(2, len(columns), sharex="col", squeeze=False)
     for axes in panels[0, 1:]:
         axes.sharey(panels[0, 0])
+    ignored = False
     for place, column in enumerate(columns):
         above, below = panels[:, place]
         above.axhline(1.0, color="#808080", linewidth=1.0, linestyle="--")
@@ -105,6 +106,7 @@ def responses(title: str, columns: Sequence[Column], band: float | None = None) 
             # The steering is held until the next sample.
             below.step(run.time[shown], run.steering[shown], where="post", **style)
         asked = max(np.abs(run.steering).max() for run in column.runs.values())
+        ignored |= not column.limited and asked > LIMIT
         if column.limited or asked > LIMIT:  # not where it would dwarf what is shown
             for limit in (-LIMIT, LIMIT):
                 below.axhline(limit, color="#b00000", linewidth=1.0, linestyle="--" if column.limited else ":")
@@ -118,11 +120,7 @@ def responses(title: str, columns: Sequence[Column], band: float | None = None) 
     if any(name for name in columns[0].runs):
         panels[0, 0].legend(frameon=False, fontsize=8, loc="lower right")
     panels[0, 0].set_ylabel("distance from the wall [m]")
-    panels[1, 0].set_ylabel(
-        "steering [°], limit dashed\n(dotted: ignored)"
-        if any(not c.limited for c in columns)
-        else "steering [°], limit dashed"
-    )
+    panels[1, 0].set_ylabel("steering [°], limit dashed" + ("\n(dotted: ignored)" if ignored else ""))
     figure.suptitle(title, fontsize=11)
     return png(figure)
 
