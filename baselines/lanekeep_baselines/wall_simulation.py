@@ -115,6 +115,8 @@ def simulate(
     duration: float = 20.0,
     linear: bool = False,
     steering_offset: float = 0.0,
+    noise: WallNoise | None = None,
+    seed: int = 0,
 ) -> Run:
     """Drive one controller along the wall.
 
@@ -129,8 +131,12 @@ def simulate(
         duration: s.
         linear: the design's plant in radians instead of the car; `published` always has the design's plant.
         steering_offset: degrees; of the car only.
+        noise: of the side sensor, whose distance is then measured along its axis; None for the exact distance. Heading
+            and yaw rate are exact.
+        seed: of the noise.
     """
     car = WallCar() if car is None else car
+    rng = np.random.default_rng(seed)
     control = controller(name, variant, car, speed, limit)
     mixed = variant == "published"
     # Plant's unit of angles in degrees, and the controller's in the plant's.
@@ -142,7 +148,10 @@ def simulate(
     speeds, goal = np.array([speed]), np.array([wanted])
     rows: list[list[float]] = []
     for step in range(round(duration / car.step)):
-        measured = Measured(speeds, distance, heading / unit, turned / unit)
+        side = distance
+        if noise is not None:
+            side = distance / np.cos(heading) + noise.side_distance * rng.standard_normal(1)
+        measured = Measured(speeds, side, heading / unit, turned / unit)
         steering, memory = control.command(measured, goal, memory, step == 0)
         rows.append([step * car.step, distance[0], heading[0] / degrees, steering[0] * unit / degrees])
         distance, after = plant(distance, heading, steering * unit)

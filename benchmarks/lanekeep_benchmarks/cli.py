@@ -19,6 +19,7 @@ from rich.text import Text
 import lanekeep_baselines
 import lanekeep_env
 from lanekeep_benchmarks.endings import Interrupted, disk_errors, input_errors, interruptible, one_line
+from lanekeep_benchmarks.replications import WORKS
 from lanekeep_env.checks import choose
 from lanekeep_env.roads import road_from
 from lanekeep_env.walls import world_from
@@ -209,7 +210,7 @@ def play_command(
 
 @app.command()
 def replicate(
-    work: Annotated[str, typer.Argument(help="traechtler: the camera-guided van.")],
+    work: Annotated[str, typer.Argument(help="; ".join(f"{name}: {what}" for name, (_, what) in WORKS.items()))],
     out: Annotated[
         Path | None, typer.Option(help="Folder for tables and figures; default: results/replicate-WORK.")
     ] = None,
@@ -220,7 +221,7 @@ def replicate(
 
     Example: lanekeep replicate traechtler --out results/van
     """
-    from lanekeep_benchmarks.replications import NOTE, WORKS, Replication, steps_of
+    from lanekeep_benchmarks.replications import NOTE, Replication, steps_of
     from lanekeep_benchmarks.results import write_atomic
 
     with interruptible(""), input_errors():

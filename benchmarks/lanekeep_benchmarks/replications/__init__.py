@@ -13,6 +13,7 @@ __all__ = ["NOTE", "WORKS", "Replication", "Row", "Table", "steps_of"]
 #: Name of a work, the module that drives it, and what it is.
 WORKS = {
     "traechtler": ("traechtler", "Trächtler, Lohmann, Struck 1992: the camera-guided van"),
+    "knightriders": ("knightriders", "Team KnightRiders 2017: the 1:10 car along a wall"),
 }
 
 Step = tuple[str, Callable[[Replication], None]]
