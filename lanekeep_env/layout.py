@@ -87,7 +87,8 @@ ROAD_COLUMNS = 8
 # roads: (roads, columns) float64, read at resets only
 S_FIRST = 0
 S_COUNT = 1
-S_LATEST_START = 2  # largest arc length at which an episode starts, m
+S_LATEST_START = 2  # largest arc length at which an episode starts, m; backwards, counted from the road's end
+S_LENGTH = 3  # m
 
 # settings: one float vector, constant for a scenario
 STEP_TIME = 0  # integration step h, s
@@ -134,7 +135,8 @@ SIDE_ARM = 62  # the side sensors ahead of the centre of gravity, m
 FRONT_ARM = 63  # the front sensors and the depth camera ahead of it, m
 BODY = 64  # middle of the body ahead of the centre of gravity, half its length, half its width, m
 LAPS = 67  # after which an episode on a circuit is done
-BOUNDS = 68  # low and high of each channel follow, channel by channel
+BACKWARDS = 68  # 1 where the car drives the road from its end to its start
+BOUNDS = 69  # low and high of each channel follow, channel by channel
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 FAULTS = 8  # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample
@@ -184,7 +186,7 @@ CAMERA_WIDEST = 2  # largest distance, either side, inside the field of view, m
 CAMERA_SIZE = 3
 
 # values of the switches
-KINEMATIC, LINEAR, MAGIC_FORMULA, FRONT_DRIVEN = 0, 1, 2, 3
+KINEMATIC, LINEAR, MAGIC_FORMULA, FRONT_DRIVEN, KINEMATIC_PACED = 0, 1, 2, 3, 4
 STEERING_ANGLE, STEERING_RATE = 0, 1
 TERMINATE, COST, OFF = 0, 1, 2
 WALL_FOLLOW, CIRCUIT = 0, 1

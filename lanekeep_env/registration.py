@@ -26,6 +26,16 @@ ENVIRONMENTS: dict[str, tuple[str, str, int]] = {
         "lanekeep_env.envs.camera_lane:TurnOffVectorEnv",
         1500,
     ),
+    "lanekeep/Evasive-v0": (
+        "lanekeep_env.envs.evasive:EvasiveEnv",
+        "lanekeep_env.envs.evasive:EvasiveVectorEnv",
+        300,
+    ),
+    "lanekeep/ReversePath-v0": (
+        "lanekeep_env.envs.evasive:ReversePathEnv",
+        "lanekeep_env.envs.evasive:ReversePathVectorEnv",
+        1500,
+    ),
     "lanekeep/WallFollow-v0": (
         "lanekeep_env.envs.wall_follow:WallFollowEnv",
         "lanekeep_env.envs.wall_follow:WallFollowVectorEnv",

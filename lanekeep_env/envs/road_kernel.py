@@ -17,10 +17,12 @@ from lanekeep_env.envs.road_start import cross_segments, set_speeds, start_lane
 from lanekeep_env.physics.integrate import (
     advance_front_driven,
     advance_kinematic,
+    advance_kinematic_paced,
     advance_linear,
     advance_magic_formula,
     show_front_driven,
     show_kinematic,
+    show_kinematic_paced,
     show_linear,
     show_magic_formula,
 )
@@ -104,13 +106,17 @@ def _preview(first, last, samples, column, lanes, counters, road, settings, obse
     low, high = settings[at.BOUNDS + 2 * column], settings[at.BOUNDS + 2 * column + 1]
     for i in range(first, last):
         segment = counters[at.SEGMENT, i]
-        along = larger(lanes[at.ALONG, i], like(low, 0.0))
+        zero = like(low, 0.0)
+        along = larger(lanes[at.ALONG, i], zero)
         spacing = lanes[at.SPEED, i] * settings[at.PREVIEW_TIME] + settings[at.PREVIEW_DISTANCE]
         for k in range(samples):
             while along >= road[segment, at.R_LENGTH]:
                 along -= road[segment, at.R_LENGTH]
                 segment = np.int64(road[segment, at.R_NEXT])
-            kappa = road[segment, at.R_CURVATURE] + road[segment, at.R_CURVATURE_SLOPE] * along
+            while along < zero and road[segment, at.R_PREVIOUS] >= zero:  # a car that backs up
+                segment = np.int64(road[segment, at.R_PREVIOUS])
+                along += road[segment, at.R_LENGTH]
+            kappa = road[segment, at.R_CURVATURE] + road[segment, at.R_CURVATURE_SLOPE] * larger(along, zero)
             observation[i, column + k] = clip(kappa, low, high)
             along += spacing
 
@@ -302,6 +308,18 @@ def step_front_driven(begin, end, lanes, counters, road, roads, settings, equipm
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
 
 
+@kernel()
+def step_kinematic_paced(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
+    sensors, gear, camera = equipment
+    for k in range(begin, end):
+        set_speeds(k, lanes, counters, settings)
+        for substep in range(_command(k, lanes, counters, settings, action)):
+            advance_kinematic_paced(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            cross_segments(k, lanes, counters, road)
+        show_kinematic_paced(lanes[k])
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
+
+
 @kernel(parallel=True)
 def step_kinematic_parallel(
     begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome
@@ -330,18 +348,28 @@ def step_front_driven_parallel(
         step_front_driven(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
 
 
+@kernel(parallel=True)
+def step_kinematic_paced_parallel(
+    begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome
+):
+    for k in prange(begin, end):
+        step_kinematic_paced(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
+
+
 #: Kernel of one control step by vehicle model, on one thread and on several.
 STEP = {
     at.KINEMATIC: step_kinematic,
     at.LINEAR: step_linear,
     at.MAGIC_FORMULA: step_magic,
     at.FRONT_DRIVEN: step_front_driven,
+    at.KINEMATIC_PACED: step_kinematic_paced,
 }
 STEP_PARALLEL = {
     at.KINEMATIC: step_kinematic_parallel,
     at.LINEAR: step_linear_parallel,
     at.MAGIC_FORMULA: step_magic_parallel,
     at.FRONT_DRIVEN: step_front_driven_parallel,
+    at.KINEMATIC_PACED: step_kinematic_paced_parallel,
 }
 
 

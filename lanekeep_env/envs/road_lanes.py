@@ -13,7 +13,13 @@ from lanekeep_env import layout as at
 from lanekeep_env.envs import road_kernel
 from lanekeep_env.rendering.road_picture import Pose
 from lanekeep_env.roads import Road, RoadSpec, SetSpeeds, SpeedSpec, build_roads
-from lanekeep_env.scenario import INTEGRATION_STEP, CameraLaneScenario, LaneKeepScenario, RoadScenario
+from lanekeep_env.scenario import (
+    INTEGRATION_STEP,
+    CameraLaneScenario,
+    LaneKeepScenario,
+    ReversePathScenario,
+    RoadScenario,
+)
 from lanekeep_env.sensing import Sensor
 from lanekeep_env.sensing.measure import TRUTH
 
@@ -35,7 +41,7 @@ def _road_set(road: RoadSpec, speed: SpeedSpec, fingerprint: str) -> tuple[tuple
 def road_tables(
     road: RoadSpec, speed: SpeedSpec, fingerprint: str, duration: float, dtype: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the kernel's tables of a road set: (segments, 8) in ``dtype`` and (roads, 3) in float64.
+    """Return the kernel's tables of a road set: (segments, 8) in ``dtype`` and (roads, 4) in float64.
 
     An open road goes on beyond its end with its last curvature and speed; episodes of ``duration``
     seconds start so early that they do not get there, where the road is long enough.
@@ -67,7 +73,7 @@ def road_tables(
             to_end = np.concatenate([np.cumsum(seconds[::-1])[::-1], [0.0]])
             enough = np.flatnonzero(to_end >= duration)
             latest = geometry.stations[enough[-1]] if len(enough) else 0.0
-        roads.append((first, len(table), 0.0 if road.from_start else latest))
+        roads.append((first, len(table), 0.0 if road.from_start else latest, geometry.length))
         segments.append(table)
         first += len(table)
     tables = np.concatenate(segments).astype(dtype), np.array(roads, dtype=np.float64)
@@ -154,6 +160,8 @@ class RoadLanes:
         values[at.COST_CAP] = s.cost_cap
         if isinstance(s, LaneKeepScenario):
             values[at.PREVIEW], values[at.PREVIEW_TIME] = s.preview, s.preview_interval
+        if isinstance(s, ReversePathScenario):
+            values[at.PREVIEW], values[at.PREVIEW_TIME], values[at.BACKWARDS] = s.preview, s.preview_interval, 1.0
         if isinstance(s, CameraLaneScenario):
             values[at.PREVIEW], values[at.PREVIEW_DISTANCE] = s.plan, s.plan_spacing
         if isinstance(s.speed, SetSpeeds):

@@ -92,8 +92,8 @@ def draw_car(i, key, lanes, settings):
     than `FRICTION_SHARE` of the friction, so that every episode can be driven.
     """
     mass_factor, shift = _within(key, np.int64(0), settings), _within(key, np.int64(4), settings)
-    if settings[at.MODEL] == at.FRONT_DRIVEN:
-        shift = 0.0  # its reference point is the rear axle
+    if settings[at.MODEL] >= at.FRONT_DRIVEN:
+        shift = 0.0  # the reference point is the rear axle
     mass = settings[at.NOMINAL] * mass_factor
     front, rear = settings[at.NOMINAL + 2] - shift, settings[at.NOMINAL + 3] + shift
     friction = settings[at.NOMINAL + 6] * _within(key, np.int64(1), settings)
@@ -128,6 +128,7 @@ def set_speed(i, episode, step, lanes, settings):
     key = derive(episode, FIRST_SET_SPEED + step)
     low, high = np.float64(settings[at.SPEED_LOW]), np.float64(settings[at.SPEED_HIGH])
     speed = (low + (high - low) * uniform(key, np.int64(0))) * np.sqrt(np.float64(lanes[at.SPEED_FACTOR, i]))
+    speed = -speed if settings[at.BACKWARDS] > 0.0 else speed
     return 0.0 if uniform(key, np.int64(1)) < settings[at.STANDSTILL] else speed
 
 
@@ -153,7 +154,10 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     draw_car(i, key, lanes, settings)
     which = np.int64(uniform(key, DRAW_ROAD) * roads.shape[0]) if np.isnan(road_index) else np.int64(road_index)
     first = np.int64(roads[which, at.S_FIRST])
-    s = uniform(key, DRAW_STATION) * roads[which, at.S_LATEST_START] if np.isnan(station) else station
+    s = uniform(key, DRAW_STATION) * roads[which, at.S_LATEST_START]
+    if settings[at.BACKWARDS] > 0.0:
+        s = roads[which, at.S_LENGTH] - s
+    s = s if np.isnan(station) else station
     low, high = first, first + np.int64(roads[which, at.S_COUNT])
     while high - low > 1:
         middle = (low + high) // 2
@@ -176,7 +180,7 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
         1.0 / np.float64(lanes[at.CAR + 2, i]),
         np.float64(lanes[at.CAR + 4, i]),
         np.float64(lanes[at.CAR + 5, i]),
-        settings[at.MODEL] == at.KINEMATIC or settings[at.MODEL] == at.FRONT_DRIVEN,
+        settings[at.MODEL] != at.LINEAR and settings[at.MODEL] != at.MAGIC_FORMULA,
     )
     steer = clip(steer, -np.float64(settings[at.COMMAND_LIMIT]), np.float64(settings[at.COMMAND_LIMIT]))
     forward = v

@@ -165,6 +165,24 @@ VEHICLES: dict[str, VehicleParameters] = {
             ),
         ),
         VehicleParameters(
+            name="passat",
+            mass=1950.0,
+            yaw_inertia=3200.0,
+            cg_to_front_axle=1.20,
+            cg_to_rear_axle=1.51,
+            front_cornering_stiffness=90_000.0,
+            rear_cornering_stiffness=120_000.0,
+            steering_ratio=15.7,
+            steering=SteeringActuator(lag=0.05, angle_limit=0.6),
+            length=4.77,
+            width=1.82,
+            wheel_radius=0.316,
+            source=(
+                "VW Passat Variant 2.0 FSI with 250 kg load (Werling, Gröll, Bretthauer 2008): wheelbase 2.71 m. "
+                "Masses, stiffnesses and the actuator's 50 ms are those with which the article's figures were checked"
+            ),
+        ),
+        VehicleParameters(
             name="knightriders",
             mass=5.0,
             yaw_inertia=0.1,

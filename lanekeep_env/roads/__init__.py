@@ -10,6 +10,7 @@ from lanekeep_env.roads.generators import (
     StraightRoad,
     YinRoad,
 )
+from lanekeep_env.roads.manoeuvres import EvasiveRoads, ParkingPaths
 from lanekeep_env.roads.road import Road
 from lanekeep_env.roads.specs import ROADS, RoadFile, RoadSpec, build_roads, road_from
 from lanekeep_env.roads.speed import ConstantSpeed, LimitedSpeed, SetSpeeds, SpeedSpec, set_speeds_from, speed_from
@@ -19,7 +20,9 @@ __all__ = [
     "ROADS",
     "CircleRoad",
     "ConstantSpeed",
+    "EvasiveRoads",
     "LimitedSpeed",
+    "ParkingPaths",
     "RandomRoads",
     "Road",
     "RoadFile",

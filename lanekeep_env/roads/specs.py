@@ -20,6 +20,7 @@ from lanekeep_env.roads.generators import (
     StraightRoad,
     YinRoad,
 )
+from lanekeep_env.roads.manoeuvres import EvasiveRoads, ParkingPaths
 from lanekeep_env.roads.road import Floats, Road
 from lanekeep_env.roads.speed import SpeedSpec
 from lanekeep_env.roads.yards import TurnOffRoads, YardRoads
@@ -79,6 +80,8 @@ _RECORDS = (
     RoadWorksRoads,
     YardRoads,
     TurnOffRoads,
+    EvasiveRoads,
+    ParkingPaths,
     RoadFile,
 )
 ROADS: dict[str, type[RoadRecord]] = {record.kind: record for record in _RECORDS}

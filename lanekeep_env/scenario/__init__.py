@@ -2,6 +2,7 @@
 
 from lanekeep_env.scenario.base import INTEGRATION_STEP, Channel, RoadScenario
 from lanekeep_env.scenario.camera import Camera, CameraLaneScenario, TurnOffScenario
+from lanekeep_env.scenario.evasive import EvasiveScenario, ReversePathScenario
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario, RoadWorksScenario
 from lanekeep_env.scenario.walls import CircuitScenario, Scan, Servo, WallFollowScenario
 
@@ -11,7 +12,9 @@ __all__ = [
     "CameraLaneScenario",
     "Channel",
     "CircuitScenario",
+    "EvasiveScenario",
     "LaneKeepScenario",
+    "ReversePathScenario",
     "RoadScenario",
     "RoadWorksScenario",
     "Scan",

@@ -1,0 +1,116 @@
+"""Evasive manoeuvres and paths driven backwards (Werling, Gröll, Bretthauer 2008)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, ClassVar
+
+from lanekeep_env import layout as at
+from lanekeep_env.checks import require
+from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
+from lanekeep_env.roads import EvasiveRoads, ParkingPaths, RoadSpec, SetSpeeds, SpeedSpec, set_speeds_from, speed_from
+from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering_channels
+from lanekeep_env.scenario.lane_keep import LaneKeepScenario
+from lanekeep_env.sensing.faults import MEASURED_CHANNELS, SENSOR_SETS, sensors_from
+
+
+@dataclass(frozen=True)
+class EvasiveScenario(LaneKeepScenario):
+    """`lanekeep/Evasive-v0`: an evasive path at 55 km/h on saturating tyres, from up to 0.8 m beside it."""
+
+    vehicle: VehicleParameters = VEHICLES["passat"]
+    road: RoadSpec = field(default_factory=EvasiveRoads)
+    speed: SpeedSpec = field(default_factory=lambda: speed_from(55.0 / 3.6))
+    max_steering_angle: float = 0.5
+    start_lateral_error: float = 0.8
+    start_course_error: float = 0.0
+    lane_width: float = 4.0
+    reference_steering_rate: float = 0.3
+    observation: str = "full"
+    control_step: float = 0.02
+    episode_steps: int = 300
+    tyre: str = "magic_formula"
+    preview: int = 11
+    view: ClassVar[float] = 80.0
+
+
+@dataclass(frozen=True)
+class ReversePathScenario(RoadScenario):
+    """`lanekeep/ReversePath-v0`: a path with bends near the car's turning circle, driven backwards at walking speed.
+
+    The fields of `RoadScenario` and these; errors are the REAR AXLE's.
+
+    Attributes:
+        speed: backwards, m/s, or a mapping of `SetSpeeds`.
+        preview, preview_interval: as in `LaneKeepScenario`; ahead is where the car is going, towards the path's start.
+    """
+
+    vehicle: VehicleParameters = VEHICLES["passat"]
+    road: RoadSpec = field(default_factory=ParkingPaths)
+    speed: SetSpeeds = field(
+        default_factory=lambda: SetSpeeds(0.5, 1.5, hold=None, standstill=0.0, lateral_acceleration=None)
+    )
+    max_steering_angle: float = 0.6
+    start_lateral_error: float = 0.2
+    start_course_error: float = math.radians(3.0)
+    lane_width: float = 3.0
+    reference_lateral_error: float = 0.1
+    reference_steering_rate: float = 0.3
+    control_step: float = 0.02
+    episode_steps: int = 1500
+    preview: int = 11
+    preview_interval: float = 0.1
+    view: ClassVar[float] = 30.0
+
+    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
+        **RoadScenario._readers,
+        "speed": set_speeds_from,
+        "sensors": partial(sensors_from, channels=MEASURED_CHANNELS, sets=SENSOR_SETS),
+    }
+
+    def _check(self) -> None:
+        require("preview", self.preview, "samples", at_least=0, at_most=1000, whole=True)
+        require("preview_interval", self.preview_interval, "s", above=0.0)
+        super()._check()
+
+    @property
+    def backwards(self) -> bool:
+        """The car drives from the path's end to its start."""
+        return True
+
+    @property
+    def model(self) -> int:
+        """The kernel's number of the vehicle model."""
+        return at.KINEMATIC_PACED
+
+    @property
+    def axles(self) -> tuple[float, float]:
+        """The reference point is the rear axle."""
+        return self.vehicle.wheelbase, 0.0
+
+    @property
+    def measured(self) -> tuple[Measured, ...]:
+        """The channels that come from sensors, in the order of the observation."""
+        return tuple(Measured(name, at.LATERAL + k) for k, name in enumerate(MEASURED_CHANNELS))
+
+    def _channels(self) -> list[Channel]:
+        channels = [
+            Channel("lateral_error", "m", -20.0, 20.0, "rear axle left of the path, as seen along the path"),
+            Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the path's, left positive"),
+            Channel("yaw_rate", "rad/s", -4.0, 4.0, "left positive"),
+            Channel("speed", "m/s", -20.0, 20.0, "of the rear axle, negative backwards"),
+            *steering_channels(),
+        ]
+        for k in range(self.preview):
+            where = f"{k * self.preview_interval:g} s on, backwards" if k else "at the rear axle"
+            channels.append(Channel(f"curvature_preview_{k}", "1/m", -1.0, 1.0, f"of the path {where}, left positive"))
+        if self.observation == "full":
+            channels += [
+                Channel("sideslip", "rad", -math.pi, math.pi, "none at the rear axle"),
+                Channel("curvature", "1/m", -1.0, 1.0, "of the path at the rear axle, left positive"),
+                Channel("lateral_acceleration", "m/s²", -50.0, 50.0, "of the rear axle, left positive"),
+            ]
+        return channels
