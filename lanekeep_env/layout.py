@@ -63,7 +63,21 @@ LAP_BEGAN = 47  # s
 LAP_TIME = 48  # of the last lap, s; 0 before
 CLEARANCE = 49  # distance of the body from the nearest wall, m
 BEFORE = 50  # x (m), y (m), heading (rad) and speed (m/s) at the start of the control step
-LANE_ROWS = 54  # further rows, as many as needed: commands (newest first), then the sensors' rows
+# Cars with a powertrain:
+PULL = 54  # longitudinal acceleration, m/s²
+PEDAL = 55  # asked for: throttle where positive, brake where negative, -1 to 1
+THROTTLE = 56  # 0 to 1
+BRAKE = 57  # 0 to 1
+GEAR = 58  # 0 for the first
+SHIFT = 59  # until the next gear change may follow, s
+SLOPE = 60  # sine of the road's rise
+WIND = 61  # headwind, m/s
+SET_SPEED = 62  # m/s
+LEAD_GAP = 63  # to the car ahead, m; FAR for none
+LEAD_SPEED = 64  # m/s
+STOP_GAP = 65  # to the stop point, m; FAR for none
+EVENT = 66  # number of the timeline's next event
+LANE_ROWS = 67  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the lane (a uint64, reinterpreted)
@@ -71,7 +85,8 @@ EPISODE = 1  # number of the episode under that key
 SEGMENT = 2  # row of the present segment in ``road``; of the centre line in a walled world
 CLIPPED = 3  # actions outside [-1, 1] since the environment was made
 ROAD = 4  # index of the road or the world in the set
-COUNTER_ROWS = 5
+TIMELINE = 5  # index of the timeline in the set
+COUNTER_ROWS = 6
 
 # road: (segments, columns) float
 R_LENGTH = 0
@@ -136,7 +151,10 @@ FRONT_ARM = 63  # the front sensors and the depth camera ahead of it, m
 BODY = 64  # middle of the body ahead of the centre of gravity, half its length, half its width, m
 LAPS = 67  # after which an episode on a circuit is done
 BACKWARDS = 68  # 1 where the car drives the road from its end to its start
-BOUNDS = 69  # low and high of each channel follow, channel by channel
+SLOPES = 69  # low and high of the sine of the road's rise
+WINDS = 71  # low and high of the headwind, m/s
+SPEED_REFERENCE = 73  # reference speed error of the running cost, m/s
+BOUNDS = 74  # low and high of each channel follow, channel by channel
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 FAULTS = 8  # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample
@@ -178,6 +196,36 @@ I_START = 6  # first start
 I_STARTS = 7
 INDEX_SIZE = 8
 
+# drive: (numbers, timelines), or None without a powertrain; numbers in this order:
+D_PEAK_TORQUE = 0  # N m
+D_PEAK_SPEED = 1  # of the engine at it, rad/s
+D_WIDTH = 2  # from there to no torque, rad/s
+D_DRAG = 3  # of the engine with closed throttle, N m
+D_DRAG_SLOPE = 4  # N m s/rad
+D_IDLE = 5  # rad/s
+D_EFFICIENCY = 6  # of the gears
+D_AIR = 7  # half density times drag area, N s²/m²
+D_ROLL = 8  # rolling resistance over weight
+D_CREEP = 9  # acceleration by the converter at standstill, m/s²
+D_CREEP_SPEED = 10  # m/s
+D_BRAKE = 11  # deceleration of the full brake, m/s²
+D_PEDAL_SHARE = 12  # share of the remaining way that throttle and brake go in a sub-step
+D_UP = 13  # engine speed of an upshift, rad/s ...
+D_UP_THROTTLE = 14  # ... and what full throttle adds
+D_DOWN = 15
+D_DOWN_THROTTLE = 16
+D_SHIFT_TIME = 17  # without torque, s
+D_HOLD_TIME = 18  # from one gear change to the next, s
+D_GEARS = 19
+D_RATIOS = 20  # engine over wheel's way, rad/m, a gear each; GEARS_MOST of them
+GEARS_MOST = 8
+DRIVE_SIZE = 28
+
+# timelines: (timelines, events, 4): time (s), kind, and up to two numbers; unused events are at inf
+E_TIME, E_KIND, E_FIRST, E_SECOND = 0, 1, 2, 3
+SPEED_EVENT, LEAD_EVENT, LEAD_GONE, STOP_EVENT, STOP_GONE = 0, 1, 2, 3, 4
+FAR = 200.0  # m
+
 # camera: float64, or None for an environment without; CAMERA_SIZE numbers, then one a road segment: 1 where its
 # edge is marked
 CAMERA_REACH = 0  # from the rear axle to the look-ahead point, m
@@ -186,7 +234,7 @@ CAMERA_WIDEST = 2  # largest distance, either side, inside the field of view, m
 CAMERA_SIZE = 3
 
 # values of the switches
-KINEMATIC, LINEAR, MAGIC_FORMULA, FRONT_DRIVEN, KINEMATIC_PACED = 0, 1, 2, 3, 4
+KINEMATIC, LINEAR, MAGIC_FORMULA, FRONT_DRIVEN, KINEMATIC_PACED, DRIVEN = 0, 1, 2, 3, 4, 5
 STEERING_ANGLE, STEERING_RATE = 0, 1
 TERMINATE, COST, OFF = 0, 1, 2
 WALL_FOLLOW, CIRCUIT = 0, 1

@@ -36,6 +36,11 @@ ENVIRONMENTS: dict[str, tuple[str, str, int]] = {
         "lanekeep_env.envs.evasive:ReversePathVectorEnv",
         1500,
     ),
+    "lanekeep/Drive-v0": (
+        "lanekeep_env.envs.drive:DriveEnv",
+        "lanekeep_env.envs.drive:DriveVectorEnv",
+        3000,
+    ),
     "lanekeep/WallFollow-v0": (
         "lanekeep_env.envs.wall_follow:WallFollowEnv",
         "lanekeep_env.envs.wall_follow:WallFollowVectorEnv",

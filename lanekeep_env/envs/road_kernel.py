@@ -13,13 +13,15 @@ from numba import prange
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, kernel
 from lanekeep_env.envs.delay import acting_row, delay_commands
-from lanekeep_env.envs.road_start import cross_segments, set_speeds, start_lane
+from lanekeep_env.envs.road_start import cross_segments, set_speeds, start_drive, start_lane
 from lanekeep_env.physics.integrate import (
+    advance_driven,
     advance_front_driven,
     advance_kinematic,
     advance_kinematic_paced,
     advance_linear,
     advance_magic_formula,
+    show_driven,
     show_front_driven,
     show_kinematic,
     show_kinematic_paced,
@@ -27,9 +29,14 @@ from lanekeep_env.physics.integrate import (
     show_magic_formula,
 )
 from lanekeep_env.physics.numeric import clip, larger, like, smaller
+from lanekeep_env.physics.powertrain import pull
 from lanekeep_env.sensing.camera import edge_distance
 from lanekeep_env.sensing.measure import measure
+from lanekeep_env.tasks.driving import happen, move_on, wanted_speed
 from lanekeep_env.tasks.lane_keeping import judge
+
+#: Code of `lanekeep_env.Termination` where the car ahead was met.
+MET = 2.0
 
 
 @helper
@@ -53,6 +60,67 @@ def _command(k, lanes, counters, settings, action):
     if settings[at.DELAY_DEPTH] > zero:
         delay_commands(block, settings, at.COMMAND)
     return np.int64(settings[at.SUBSTEPS])
+
+
+@helper
+def _command_drive(k, lanes, counters, settings, action):
+    """The same for cars with a pedal as second action."""
+    first, block = k * lanes.shape[2], lanes[k]
+    total = counters.shape[1]
+    limit, scale = settings[at.COMMAND_LIMIT], settings[at.ACTION_SCALE]
+    one, zero = like(limit, 1.0), like(limit, 0.0)
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    as_rate = settings[at.ACTION_KIND] > zero
+    for i in range(min(lanes.shape[2], total - first)):
+        alive = block[at.DONE, i] == zero
+        given, pedal = like(limit, action[2 * (first + i)]), like(limit, action[2 * (first + i) + 1])
+        counters[at.CLIPPED, first + i] += ((abs(given) > one) or (abs(pedal) > one)) and alive
+        wish = clip(given, -one, one) * scale
+        block[at.COMMAND, i] = clip(block[at.COMMAND, i] + wish * seconds if as_rate else wish, -limit, limit)
+        block[at.PEDAL, i] = clip(pedal, -one, one)
+        block[at.STEER_BEFORE, i] = block[at.STEER, i]
+        block[at.WAY, i] = zero
+    if settings[at.DELAY_DEPTH] > zero:
+        delay_commands(block, settings, at.COMMAND)
+    return np.int64(settings[at.SUBSTEPS])
+
+
+@helper
+def _surroundings(k, lanes, counters, settings, timelines):
+    """What a control step begins with around the cars of block ``k``: the events that are due."""
+    first, block = k * lanes.shape[2], lanes[k]
+    for i in range(min(lanes.shape[2], counters.shape[1] - first)):
+        happen(i, block, timelines[counters[at.TIMELINE, first + i]], settings)
+
+
+@helper
+def _pull(k, lanes, counters, settings, numbers):
+    """Longitudinal acceleration of the cars of block ``k`` in the sub-step to come."""
+    first, block = k * lanes.shape[2], lanes[k]
+    for i in range(min(lanes.shape[2], counters.shape[1] - first)):
+        pull(i, block, settings, numbers)
+
+
+@helper
+def _judge_drive(n, lanes, settings, reward_, terminated_, cost_):
+    """Add the speed error to the reward of a block; a lead car that is met ends the episode."""
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    cap, horizon, reference = settings[at.COST_CAP], settings[at.HORIZON], settings[at.SPEED_REFERENCE]
+    ends = settings[at.DEPARTURE] == at.TERMINATE
+    zero, one = like(seconds, 0.0), like(seconds, 1.0)
+    for i in range(n):
+        move_on(i, lanes[at.WAY, i], seconds, lanes)
+        wanted = wanted_speed(lanes[at.SET_SPEED, i], lanes[at.LEAD_GAP, i], lanes[at.STOP_GAP, i])
+        error = (lanes[at.SPEED, i] - wanted) / reference
+        if cost_[i] == zero:  # a departure has been charged for all that follows
+            reward_[i] = -smaller(error * error * seconds - reward_[i], cap * seconds)
+        if lanes[at.LEAD_GAP, i] <= zero:
+            cost_[i] = one
+            lanes[at.DEPARTED, i] = one
+            lanes[at.LEAD_GAP, i] = zero
+            left = horizon - lanes[at.STEP, i]
+            reward_[i] = -cap * seconds * (one + (left if left > zero else zero) if ends else one)
+            terminated_[i] = like(seconds, MET) if ends else zero
 
 
 @helper
@@ -98,6 +166,17 @@ def _report(first, last, lanes, outcome):
 #: Channels that are rows of the state as they stand, without and with a camera.
 STATE_CHANNELS = 6
 CAMERA_CHANNELS = 5
+#: Channels of a full observation, and those of cars with a powertrain, behind the others.
+FULL_CHANNELS = 3
+DRIVE_ROWS = (
+    at.PULL,
+    at.PEDAL,
+    at.GEAR,
+    at.SET_SPEED,
+    at.LEAD_GAP,
+    at.LEAD_SPEED,
+    at.STOP_GAP,
+)
 
 
 @helper
@@ -122,13 +201,15 @@ def _preview(first, last, samples, column, lanes, counters, road, settings, obse
 
 
 @helper
-def _observe(first, last, lanes, counters, road, settings, sensors, camera, observation):
+def _observe(first, last, lanes, counters, road, settings, sensors, camera, drive, observation):
     """Write the observations of lanes; the order is that of the scenario's channels."""
     # None or not is decided when the kernel is compiled, by the type of the argument.
     if camera is None:
         _observe_state(first, last, lanes, counters, road, settings, observation)
     else:
         _observe_edge(first, last, lanes, counters, road, settings, camera, observation)
+    if drive is not None:
+        _observe_drive(first, last, lanes, settings, observation)
     if sensors is not None:
         for i in range(first, last):
             measure(i, lanes, counters, settings, sensors, observation)
@@ -154,6 +235,18 @@ def _observe_state(first, last, lanes, counters, road, settings, observation):
             observation[i, channel] = clip(lanes[at.SIDESLIP, i], settings[place], settings[place + 1])
             observation[i, channel + 1] = clip(kappa, settings[place + 2], settings[place + 3])
             observation[i, channel + 2] = clip(lanes[at.ACCELERATION, i], settings[place + 4], settings[place + 5])
+
+
+@helper
+def _observe_drive(first, last, lanes, settings, observation):
+    """Write the channels of pedals, gears and traffic, behind those of lane keeping."""
+    begin = STATE_CHANNELS + np.int64(settings[at.PREVIEW])
+    if settings[at.FULL] > like(settings[0], 0.0):
+        begin += FULL_CHANNELS
+    for i in range(first, last):
+        for k, row in enumerate(DRIVE_ROWS):
+            place = at.BOUNDS + 2 * (begin + k)
+            observation[i, begin + k] = clip(lanes[row, i], settings[place], settings[place + 1])
 
 
 @helper
@@ -189,21 +282,24 @@ def _start(
     settings,
     sensors,
     camera,
+    drive,
     observation,
     outcome,
 ):
     """Start the next episode of a lane: state, truth and observation."""
     counters[at.EPISODE, i] += 1
     start_lane(i, lateral, heading, station, road_index, lanes, counters, road, roads, settings)
+    if drive is not None:
+        counters[at.TIMELINE, i] = start_drive(i, lanes, counters, settings, drive)
     zero = like(lanes[0, 0], 0.0)
     outcome[at.O_STEERING_RATE, i] = zero
     outcome[at.O_COST, i] = zero
     _report(i, i + 1, lanes, outcome)
-    _observe(i, i + 1, lanes, counters, road, settings, sensors, camera, observation)
+    _observe(i, i + 1, lanes, counters, road, settings, sensors, camera, drive, observation)
 
 
 @helper
-def _restart(n, lanes, counters, road, roads, settings, sensors, camera, observation, outcome):
+def _restart(n, lanes, counters, road, roads, settings, sensors, camera, drive, observation, outcome):
     """Start new episodes where the autoreset mode says so."""
     mode = np.int64(settings[at.AUTORESET])
     zero, one, nan = like(lanes[0, 0], 0.0), like(lanes[0, 0], 1.0), np.nan
@@ -226,14 +322,30 @@ def _restart(n, lanes, counters, road, roads, settings, sensors, camera, observa
                     outcome[2 * at.OUTCOME_ROWS + channel, i] = observation[i, channel]
                 starts = True
         if starts:
-            _start(i, nan, nan, nan, nan, lanes, counters, road, roads, settings, sensors, camera, observation, outcome)
+            _start(
+                i,
+                nan,
+                nan,
+                nan,
+                nan,
+                lanes,
+                counters,
+                road,
+                roads,
+                settings,
+                sensors,
+                camera,
+                drive,
+                observation,
+                outcome,
+            )
 
 
 @helper
-def _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome):
+def _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, action, observation, outcome):
     """Judge the step of block ``k``, tell its truth and observations, start the next episodes."""
     first = k * lanes.shape[2]
-    last = min(first + lanes.shape[2], action.shape[0])
+    last = min(first + lanes.shape[2], counters.shape[1])
     n, block, counted, told, seen = (
         last - first,
         lanes[k],
@@ -251,73 +363,89 @@ def _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, 
         outcome[at.O_STEERING_RATE][first:last],
         outcome[at.O_COST][first:last],
     )
+    if drive is not None:
+        reward_, terminated_ = outcome[at.O_REWARD][first:last], outcome[at.O_TERMINATED][first:last]
+        _judge_drive(n, block, settings, reward_, terminated_, outcome[at.O_COST][first:last])
     begin = np.int64(0)  # a literal would be a type of its own and compile both functions twice
     _report(begin, n, block, told)
-    _observe(begin, n, block, counted, road, settings, sensors, camera, seen)
-    _restart(n, block, counted, road, roads, settings, sensors, camera, seen, told)
+    _observe(begin, n, block, counted, road, settings, sensors, camera, drive, seen)
+    _restart(n, block, counted, road, roads, settings, sensors, camera, drive, seen, told)
 
 
 # One control step of the blocks ``begin`` to ``end``; one kernel a vehicle model, so that a process
-# compiles only what it uses. numba's cache wants kernels spelled out. ``equipment`` is (sensors, gear, camera), each
-# None where the scenario has none: what it lacks is then no part of the kernel. (One tuple, since numba takes a
+# compiles only what it uses. numba's cache wants kernels spelled out. ``equipment`` is (sensors, gear, camera,
+# drive), each None where the scenario has none: what it lacks is then no part of the kernel. (One tuple, since numba takes a
 # tenth of a microsecond to tell the type of a None.)
 
 
 @kernel()
 def step_kinematic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera = equipment
+    sensors, gear, camera, _ = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_kinematic(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_kinematic(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, action, observation, outcome)
 
 
 @kernel()
 def step_linear(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera = equipment
+    sensors, gear, camera, _ = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_linear(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_linear(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, action, observation, outcome)
 
 
 @kernel()
 def step_magic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera = equipment
+    sensors, gear, camera, _ = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_magic_formula(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_magic_formula(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, action, observation, outcome)
 
 
 @kernel()
 def step_front_driven(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera = equipment
+    sensors, gear, camera, _ = equipment
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_front_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_front_driven(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, action, observation, outcome)
+
+
+@kernel()
+def step_driven(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
+    sensors, gear, camera, drive = equipment
+    for k in range(begin, end):
+        _surroundings(k, lanes, counters, settings, drive[1])
+        for substep in range(_command_drive(k, lanes, counters, settings, action)):
+            _pull(k, lanes, counters, settings, drive[0])
+            advance_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            cross_segments(k, lanes, counters, road)
+        show_driven(lanes[k])
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, action, observation, outcome)
 
 
 @kernel()
 def step_kinematic_paced(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera = equipment
+    sensors, gear, camera, _ = equipment
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_kinematic_paced(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_kinematic_paced(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, action, observation, outcome)
 
 
 @kernel(parallel=True)
@@ -349,6 +477,12 @@ def step_front_driven_parallel(
 
 
 @kernel(parallel=True)
+def step_driven_parallel(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
+    for k in prange(begin, end):
+        step_driven(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
+
+
+@kernel(parallel=True)
 def step_kinematic_paced_parallel(
     begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome
 ):
@@ -363,6 +497,7 @@ STEP = {
     at.MAGIC_FORMULA: step_magic,
     at.FRONT_DRIVEN: step_front_driven,
     at.KINEMATIC_PACED: step_kinematic_paced,
+    at.DRIVEN: step_driven,
 }
 STEP_PARALLEL = {
     at.KINEMATIC: step_kinematic_parallel,
@@ -370,6 +505,7 @@ STEP_PARALLEL = {
     at.MAGIC_FORMULA: step_magic_parallel,
     at.FRONT_DRIVEN: step_front_driven_parallel,
     at.KINEMATIC_PACED: step_kinematic_paced_parallel,
+    at.DRIVEN: step_driven_parallel,
 }
 
 
@@ -377,7 +513,7 @@ STEP_PARALLEL = {
 def reset(mask, start, lanes, counters, road, roads, settings, equipment, observation, outcome):
     """Start the next episode where ``mask`` is set; ``start`` (4, n) fixes what is not NaN."""
     size = lanes.shape[2]
-    sensors, _, camera = equipment
+    sensors, _, camera, drive = equipment
     for k in range(mask.shape[0]):
         if mask[k]:
             first = k // size * size
@@ -397,6 +533,7 @@ def reset(mask, start, lanes, counters, road, roads, settings, equipment, observ
                 settings,
                 sensors,
                 camera,
+                drive,
                 observation[first:last],
                 outcome[:, first:last],
             )

@@ -16,6 +16,7 @@ from lanekeep_env.roads import Road, RoadSpec, SetSpeeds, SpeedSpec, build_roads
 from lanekeep_env.scenario import (
     INTEGRATION_STEP,
     CameraLaneScenario,
+    DriveScenario,
     LaneKeepScenario,
     ReversePathScenario,
     RoadScenario,
@@ -93,7 +94,6 @@ class RoadLanes:
         max_steps: control steps after which a lane is truncated; None leaves that to others.
     """
 
-    num_actions = 1
     outcome_rows = at.OUTCOME_ROWS
 
     def __init__(
@@ -112,6 +112,7 @@ class RoadLanes:
         self._shortest = float(shortest)
         self.dtype = dtype
         self.num_lanes = num_lanes
+        self.num_actions = scenario.num_actions
         self.num_channels = len(scenario.channels)
         self.settings = self._settings()
         self.settings[at.AUTORESET] = autoreset
@@ -136,7 +137,7 @@ class RoadLanes:
         self.road, self.roads = road_tables(
             s.road, s.speed, s.road.fingerprint(), s.episode_steps * s.control_step, self.dtype
         )
-        self.equipment = self.sensors, self.gear, self._camera()
+        self.equipment = self.sensors, self.gear, self._camera(), self._drive()
         model = int(self.settings[at.MODEL])
         self.step = road_kernel.STEP[model]
         self.step_parallel = road_kernel.STEP_PARALLEL[model]
@@ -162,6 +163,9 @@ class RoadLanes:
             values[at.PREVIEW], values[at.PREVIEW_TIME] = s.preview, s.preview_interval
         if isinstance(s, ReversePathScenario):
             values[at.PREVIEW], values[at.PREVIEW_TIME], values[at.BACKWARDS] = s.preview, s.preview_interval, 1.0
+        if isinstance(s, DriveScenario):
+            values[at.SLOPES : at.SLOPES + 2], values[at.WINDS : at.WINDS + 2] = np.sin(s.slope), s.wind
+            values[at.SPEED_REFERENCE] = s.reference_speed_error
         if isinstance(s, CameraLaneScenario):
             values[at.PREVIEW], values[at.PREVIEW_DISTANCE] = s.plan, s.plan_spacing
         if isinstance(s.speed, SetSpeeds):
@@ -219,6 +223,13 @@ class RoadLanes:
         if steering.backlash == 0.0:
             return None
         return np.array([steering.backlash / 2, steering.feedback == "motor"], dtype=self.dtype)
+
+    def _drive(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Numbers of the powertrain and the timelines, or None without a powertrain."""
+        s = self.scenario
+        if not isinstance(s, DriveScenario):
+            return None
+        return s.powertrain.numbers(INTEGRATION_STEP).astype(self.dtype), s.traffic.build()
 
     def _camera(self) -> np.ndarray | None:
         """Numbers of the camera and the marking of each row of the road table, or None without a camera."""

@@ -8,14 +8,18 @@ from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
 from lanekeep_env.physics.numeric import clip, larger, like
 from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.physics.powertrain import choose_gear
 from lanekeep_env.physics.single_track import SMALLEST_PATH_SCALE
 from lanekeep_env.randomness import derive, uniform
+from lanekeep_env.tasks.driving import happen
 from lanekeep_env.tasks.lane_keeping import steady_turning
 
 # Counters of an episode's random draws: the order is part of an environment's version. (Typed, because
 # numba compiles a function anew for every literal it is called with.)
 DRAW_ROAD, DRAW_STATION, DRAW_LATERAL, DRAW_HEADING = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 DRAW_CAR = np.int64(4)  # and the following, one a randomised number
+#: Counters of the draws of a powertrain's episode, behind those of the car.
+DRAW_TIMELINE, DRAW_SLOPE, DRAW_WIND = np.int64(80), np.int64(81), np.int64(82)
 #: Counter of the first set speed of an episode; one a control step from there.
 FIRST_SET_SPEED = np.int64(1 << 33)
 
@@ -92,7 +96,7 @@ def draw_car(i, key, lanes, settings):
     than `FRICTION_SHARE` of the friction, so that every episode can be driven.
     """
     mass_factor, shift = _within(key, np.int64(0), settings), _within(key, np.int64(4), settings)
-    if settings[at.MODEL] >= at.FRONT_DRIVEN:
+    if settings[at.MODEL] == at.FRONT_DRIVEN or settings[at.MODEL] == at.KINEMATIC_PACED:
         shift = 0.0  # the reference point is the rear axle
     mass = settings[at.NOMINAL] * mass_factor
     front, rear = settings[at.NOMINAL + 2] - shift, settings[at.NOMINAL + 3] + shift
@@ -172,6 +176,8 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     if settings[at.SPEED_HIGH] > 0.0:
         target = set_speed(i, key, np.int64(0), lanes, settings)
         v = min(target, v)
+    model = settings[at.MODEL]
+    slips = model == at.LINEAR or model == at.MAGIC_FORMULA or model == at.DRIVEN
     steer, beta, r = steady_turning(
         v,
         np.float64(lanes[at.CURVATURE, i]) + lanes[at.CURVATURE_SLOPE, i] * along,
@@ -180,7 +186,7 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
         1.0 / np.float64(lanes[at.CAR + 2, i]),
         np.float64(lanes[at.CAR + 4, i]),
         np.float64(lanes[at.CAR + 5, i]),
-        settings[at.MODEL] != at.LINEAR and settings[at.MODEL] != at.MAGIC_FORMULA,
+        not slips,
     )
     steer = clip(steer, -np.float64(settings[at.COMMAND_LIMIT]), np.float64(settings[at.COMMAND_LIMIT]))
     forward = v
@@ -209,3 +215,27 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     lanes[at.DONE, i] = zero
     lanes[at.DEPARTED, i] = zero
     counters[at.ROAD, i] = which
+
+
+@helper
+def start_drive(i, lanes, counters, settings, drive):
+    """Set pedals, gear and surroundings of lane i to the start of its episode; return its timeline.
+
+    The car starts at the speed that is set at first, in a gear that suits it.
+    """
+    numbers, timelines = drive
+    key = derive(np.uint64(counters[at.KEY, i]), counters[at.EPISODE, i])
+    which = np.int64(uniform(key, DRAW_TIMELINE) * timelines.shape[0])
+    zero, far = like(lanes[0, 0], 0.0), like(lanes[0, 0], at.FAR)
+    for row in (at.PULL, at.PEDAL, at.THROTTLE, at.BRAKE, at.SHIFT, at.SET_SPEED, at.LEAD_SPEED, at.EVENT, at.WAY):
+        lanes[row, i] = zero
+    lanes[at.LEAD_GAP, i] = far
+    lanes[at.STOP_GAP, i] = far
+    low, high = np.float64(settings[at.SLOPES]), np.float64(settings[at.SLOPES + 1])
+    lanes[at.SLOPE, i] = low + (high - low) * uniform(key, DRAW_SLOPE)
+    low, high = np.float64(settings[at.WINDS]), np.float64(settings[at.WINDS + 1])
+    lanes[at.WIND, i] = low + (high - low) * uniform(key, DRAW_WIND)
+    happen(i, lanes, timelines[which], settings)
+    lanes[at.SPEED, i] = lanes[at.SET_SPEED, i]
+    lanes[at.GEAR, i] = choose_gear(lanes[at.SPEED, i], numbers)
+    return which

@@ -4,7 +4,8 @@ Measured order: 4 while a sub-step stays inside one road segment. What comes fro
 the start, middle and end of a sub-step: steering exactly (a held command through a first-order lag),
 speed from the profile at the start and with the profile's acceleration from there (the profile is
 linear in v² over arc length, so a car on the centre line keeps it exactly; any other is set right again
-at the next sub-step), or, ``paced``, towards a set speed with a limited acceleration, and no faster than the profile.
+at the next sub-step), or, ``paced``, towards a set speed with a limited acceleration, and no faster than
+the profile, or, ``driven``, with the acceleration of a powertrain.
 Curvature is looked up at every stage.
 """
 
@@ -47,7 +48,7 @@ def _profile_speed(along, speed_squared, slope):
     return np.sqrt(_not_negative(squared))
 
 
-def _named(model: Callable[..., Any], paced: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def _named(model: Callable[..., Any], paced: bool, driven: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Give a closure a name of its own before it is compiled.
 
     Compiled code is linked by qualified name: kernels that different processes cached would otherwise
@@ -55,22 +56,24 @@ def _named(model: Callable[..., Any], paced: bool) -> Callable[[Callable[..., An
     """
 
     def rename(function: Callable[..., Any]) -> Callable[..., Any]:
-        function.__qualname__ = function.__name__ = f"{function.__name__}_{model.__name__}{'_paced' if paced else ''}"
+        function.__qualname__ = function.__name__ = (
+            f"{function.__name__}_{model.__name__}{'_paced' * paced}{'_driven' * driven}"
+        )
         return function
 
     return rename
 
 
-def integrator(rates: Callable[..., Any], paced: bool = False) -> Callable[..., Any]:
+def integrator(rates: Callable[..., Any], paced: bool = False, driven: bool = False) -> Callable[..., Any]:
     """Return the compiled loop that advances a block of lanes with a vehicle model of `single_track`."""
 
     @inline
-    @_named(rates, paced)
+    @_named(rates, paced, driven)
     def stage(along, d, theta, beta, r, steer, v, curvature, slope, car):
         return rates(d, theta, beta, r, steer, v, curvature + slope * _not_negative(along), car)
 
     @helper
-    @_named(rates, paced)
+    @_named(rates, paced, driven)
     def advance(lanes, command_row, settings, gear):
         """Advance the lanes of a block by one sub-step, in place; ``command_row`` holds the steering command."""
         along_, d_, theta_ = lanes[at.ALONG], lanes[at.LATERAL], lanes[at.HEADING]
@@ -82,7 +85,7 @@ def integrator(rates: Callable[..., Any], paced: bool = False) -> Callable[..., 
         peak_f_, peak_r_ = lanes[at.CAR + 6], lanes[at.CAR + 7]
         response_, change_ = lanes[at.STEER_RESPONSE], lanes[at.STEER_CHANGE]
         motor_, share_ = lanes[at.MOTOR], lanes[at.STEER_GAIN]
-        pace_, target_ = lanes[at.SPEED], lanes[at.SPEED_TARGET]
+        pace_, target_, pull_ = lanes[at.SPEED], lanes[at.SPEED_TARGET], lanes[at.PULL]
         h = settings[at.STEP_TIME]
         ideal = settings[at.IDEAL_STEERING] > like(h, 0.0)
         half = h * like(h, 0.5)
@@ -92,7 +95,12 @@ def integrator(rates: Callable[..., Any], paced: bool = False) -> Callable[..., 
         for i in range(lanes.shape[1]):
             x, d, t, b, r = along_[i], d_[i], theta_[i], beta_[i], r_[i]
             k, dk = curvature_[i], slope_[i]
-            if paced:  # decided when the loop is compiled, as whether there is a gear
+            if driven:
+                v = pace_[i]
+                v_middle = _not_negative(v + half * pull_[i])
+                v_end = _not_negative(v + h * pull_[i])
+                pace_[i] = v_end
+            elif paced:  # decided when the loop is compiled, as whether there is a gear
                 v = pace_[i]
                 allowed = _profile_speed(_not_negative(x), speed_[i], gain_[i])
                 missing, most = smaller(target_[i], allowed) - v, settings[at.SPEED_CHANGE]
@@ -135,11 +143,11 @@ def integrator(rates: Callable[..., Any], paced: bool = False) -> Callable[..., 
     return advance
 
 
-def shower(outputs: Callable[..., Any], paced: bool = False) -> Callable[..., Any]:
+def shower(outputs: Callable[..., Any], paced: bool = False, driven: bool = False) -> Callable[..., Any]:
     """Return the compiled loop that writes speed, sideslip, yaw rate and lateral acceleration of lanes."""
 
     @helper
-    @_named(outputs, paced)
+    @_named(outputs, paced, driven)
     def show(lanes):
         """Write the rows SPEED, SIDESLIP, YAW_RATE and ACCELERATION of a block; wrap its headings."""
         along_, speed_, gain_ = lanes[at.ALONG], lanes[at.SPEED_SQUARED], lanes[at.SPEED_SQUARED_SLOPE]
@@ -150,7 +158,7 @@ def shower(outputs: Callable[..., Any], paced: bool = False) -> Callable[..., An
         v_, acceleration_ = lanes[at.SPEED], lanes[at.ACCELERATION]
         for i in range(lanes.shape[1]):
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i])
-            v = v_[i] if paced else _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
+            v = v_[i] if paced or driven else _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
             v_[i] = v
             theta_[i] = wrapped(theta_[i])
             # Only a car without saturating tyres gets there: a linear tyre's force has no end, nor has its spin.
@@ -168,6 +176,8 @@ advance_linear_paced = integrator(dynamic_linear, paced=True)
 advance_linear = integrator(dynamic_linear)
 advance_magic_formula = integrator(dynamic_magic_formula)
 show_kinematic = shower(kinematic_outputs)
+advance_driven = integrator(dynamic_magic_formula, driven=True)
+show_driven = shower(magic_formula_outputs, driven=True)
 show_front_driven = shower(front_driven_outputs, paced=True)
 show_kinematic_paced = shower(kinematic_outputs, paced=True)
 show_linear_paced = shower(linear_outputs, paced=True)

@@ -2,6 +2,7 @@
 
 from lanekeep_env.scenario.base import INTEGRATION_STEP, Channel, RoadScenario
 from lanekeep_env.scenario.camera import Camera, CameraLaneScenario, TurnOffScenario
+from lanekeep_env.scenario.drive import DriveScenario, Traffic
 from lanekeep_env.scenario.evasive import EvasiveScenario, ReversePathScenario
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario, RoadWorksScenario
 from lanekeep_env.scenario.walls import CircuitScenario, Scan, Servo, WallFollowScenario
@@ -12,6 +13,7 @@ __all__ = [
     "CameraLaneScenario",
     "Channel",
     "CircuitScenario",
+    "DriveScenario",
     "EvasiveScenario",
     "LaneKeepScenario",
     "ReversePathScenario",
@@ -19,6 +21,7 @@ __all__ = [
     "RoadWorksScenario",
     "Scan",
     "Servo",
+    "Traffic",
     "TurnOffScenario",
     "WallFollowScenario",
 ]

@@ -225,6 +225,11 @@ class RoadScenario(ScenarioRecord):
         raise NotImplementedError
 
     @property
+    def num_actions(self) -> int:
+        """Steering only."""
+        return 1
+
+    @property
     def axles(self) -> tuple[float, float]:
         """Distance of the front and the rear axle from the reference point, whose errors are lateral and heading, m."""
         return self.vehicle.cg_to_front_axle, self.vehicle.cg_to_rear_axle

@@ -1,0 +1,101 @@
+"""Engine, automatic gearbox, brake and resistances: the longitudinal acceleration of a car.
+
+a = k(i) T(omega, throttle)/m - b brake - A_W(v) (Werling, Gröll, Bretthauer 2008 (25)), with what an automatic adds:
+creep at standstill and gear changes that interrupt the torque. Numbers come in the vector of `Powertrain.numbers`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lanekeep_env import layout as at
+from lanekeep_env.compile import helper, inline
+from lanekeep_env.physics.numeric import clip, larger, like
+from lanekeep_env.physics.parameters import GRAVITY
+
+#: Below this speed a car stands, m/s.
+STANDS = 1e-3
+
+
+@inline
+def engine_torque(omega, throttle, drive):
+    """Return the engine's torque, N m, at ``omega`` rad/s and a throttle from 0 (drag) to 1 (full load).
+
+    Full load is a parabola about the speed of the largest torque; closed, the engine drags with t0 + t1 omega.
+    """
+    bend = (omega - drive[at.D_PEAK_SPEED]) / drive[at.D_WIDTH]
+    full = drive[at.D_PEAK_TORQUE] * larger(like(omega, 1.0) - bend * bend, like(omega, 0.0))
+    drag = drive[at.D_DRAG] + drive[at.D_DRAG_SLOPE] * omega
+    return throttle * full - (like(omega, 1.0) - throttle) * drag
+
+
+@inline
+def engine_speed(v, ratio, drive):
+    """Return the engine's speed, rad/s: that of the wheels, or idling on the converter's slip."""
+    return larger(v * ratio, drive[at.D_IDLE])
+
+
+@inline
+def resistance(v, wind, drive, mass):
+    """Return the deceleration by air and rolling, m/s²; ``wind`` is a headwind, m/s."""
+    air = v + wind
+    return drive[at.D_AIR] * air * abs(air) / mass + like(v, GRAVITY) * drive[at.D_ROLL]
+
+
+@inline
+def creep(v, drive):
+    """Return what an automatic pulls with at standstill and little above, m/s²."""
+    return drive[at.D_CREEP] * clip(like(v, 1.0) - v / drive[at.D_CREEP_SPEED], like(v, 0.0), like(v, 1.0))
+
+
+@helper
+def choose_gear(v, drive):
+    """Return the gear in which a car at ``v`` starts an episode: the lowest one well below the upshift speed."""
+    gears = np.int64(drive[at.D_GEARS])
+    for gear in range(gears):
+        if v * drive[at.D_RATIOS + gear] < 0.9 * drive[at.D_UP]:
+            return gear
+    return gears - 1
+
+
+@helper
+def pull(i, lanes, settings, drive):
+    """Advance pedal, gearbox and brake of lane i by a sub-step and write its longitudinal acceleration, m/s².
+
+    The car does not roll backwards: whoever stands on a slope is held.
+    """
+    h = settings[at.STEP_TIME]
+    zero, one = like(h, 0.0), like(h, 1.0)
+    v, mass = lanes[at.SPEED, i], one / lanes[at.CAR + 2, i]
+    pedal = lanes[at.PEDAL, i]
+    share = drive[at.D_PEDAL_SHARE]
+    lanes[at.THROTTLE, i] += (larger(pedal, zero) - lanes[at.THROTTLE, i]) * share
+    lanes[at.BRAKE, i] += (larger(-pedal, zero) - lanes[at.BRAKE, i]) * share
+    throttle = lanes[at.THROTTLE, i]
+    gear, last = np.int64(lanes[at.GEAR, i]), np.int64(drive[at.D_GEARS]) - 1
+    ratio = drive[at.D_RATIOS + gear]
+    lanes[at.SHIFT, i] = larger(lanes[at.SHIFT, i] - h, zero)
+    if lanes[at.SHIFT, i] == zero:
+        omega = v * ratio
+        if omega > drive[at.D_UP] + drive[at.D_UP_THROTTLE] * throttle and gear < last:
+            gear += 1
+            lanes[at.SHIFT, i] = drive[at.D_HOLD_TIME]
+        elif omega < drive[at.D_DOWN] + drive[at.D_DOWN_THROTTLE] * throttle and gear > 0:
+            gear -= 1
+            lanes[at.SHIFT, i] = drive[at.D_HOLD_TIME]
+        lanes[at.GEAR, i] = gear
+        ratio = drive[at.D_RATIOS + gear]
+    interrupted = lanes[at.SHIFT, i] > drive[at.D_HOLD_TIME] - drive[at.D_SHIFT_TIME]
+    torque = engine_torque(engine_speed(v, ratio, drive), throttle, drive)
+    # On the slipping converter a closed throttle does not drag: the car creeps.
+    torque = larger(torque, zero) if v * ratio < drive[at.D_IDLE] else torque
+    drives = zero if interrupted else torque * ratio * drive[at.D_EFFICIENCY] / mass
+    drives += creep(v, drive) if gear == 0 else zero
+    drives -= like(h, GRAVITY) * lanes[at.SLOPE, i]
+    holds = lanes[at.BRAKE, i] * drive[at.D_BRAKE] + resistance(v, lanes[at.WIND, i], drive, mass)
+    free = drives - holds
+    standing = v < like(h, STANDS)
+    acceleration = larger(free, zero) if standing else free
+    lanes[at.PULL, i] = larger(acceleration, -v / h)  # a car that stops within the sub-step stands at its end
+    after = v + lanes[at.PULL, i] * h
+    lanes[at.WAY, i] += like(h, 0.5) * (v + after) * h

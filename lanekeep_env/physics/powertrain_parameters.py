@@ -1,0 +1,126 @@
+"""Powertrains: engine, gearbox, brake and resistances of a car, with their sources."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lanekeep_env import layout as at
+from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
+
+
+@dataclass(frozen=True)
+class Powertrain:
+    """Engine, automatic gearbox, brake and resistances (SI units).
+
+    Attributes:
+        name: what tables call it.
+        peak_torque, peak_speed: largest torque, N m, and the engine speed at it, rad/s.
+        torque_width: from there to the speeds without torque, rad/s (full load is a parabola).
+        drag_torque, drag_slope: of the closed throttle, N m and N m s/rad.
+        idle_speed: of the engine, rad/s.
+        gears: ratios of the gears, first to last.
+        final_drive: ratio.
+        efficiency: of gears and final drive.
+        wheel_radius: m.
+        drag_area: air drag coefficient times frontal area, m².
+        rolling: resistance over weight.
+        creep: acceleration at standstill with released pedals, m/s², falling to none at ``creep_speed`` (m/s).
+        brake: deceleration of the full brake, m/s².
+        pedal_lag: of throttle and brake, s.
+        upshift, upshift_throttle: engine speed at which the gearbox shifts up, rad/s, and what full throttle adds.
+        downshift, downshift_throttle: the same down.
+        shift_time: without torque, s.
+        hold_time: from one gear change to the next at least, s.
+    """
+
+    name: str = "passat"
+    peak_torque: float = 200.0
+    peak_speed: float = 366.0
+    torque_width: float = 740.0
+    drag_torque: float = 20.0
+    drag_slope: float = 0.05
+    idle_speed: float = 80.0
+    gears: tuple[float, ...] = (4.148, 2.370, 1.556, 1.155, 0.859, 0.686)
+    final_drive: float = 3.87
+    efficiency: float = 0.92
+    wheel_radius: float = 0.316
+    drag_area: float = 0.66
+    rolling: float = 0.012
+    creep: float = 0.6
+    creep_speed: float = 2.0
+    brake: float = 9.0
+    pedal_lag: float = 0.1
+    upshift: float = 165.0
+    upshift_throttle: float = 330.0
+    downshift: float = 95.0
+    downshift_throttle: float = 120.0
+    shift_time: float = 0.25
+    hold_time: float = 0.8
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.gears, tuple | list) or not 1 <= len(self.gears) <= at.GEARS_MOST:
+            raise ValueError(f"powertrain.gears={self.gears!r} is not allowed: 1 to {at.GEARS_MOST} ratios")
+        object.__setattr__(self, "gears", tuple(float(ratio) for ratio in self.gears))
+        for ratio in self.gears:
+            require("powertrain.gears", ratio, "", above=0.0)
+        if any(after >= before for before, after in zip(self.gears[:-1], self.gears[1:], strict=True)):
+            raise ValueError(f"powertrain.gears={self.gears!r} is not allowed: the ratios must fall")
+        positive = ("peak_torque", "peak_speed", "torque_width", "idle_speed", "final_drive", "efficiency")
+        for name in (*positive, "wheel_radius", "creep_speed", "brake", "upshift", "downshift"):
+            require(f"powertrain.{name}", getattr(self, name), "", above=0.0)
+        others = ("drag_torque", "drag_slope", "drag_area", "rolling", "creep", "pedal_lag", "upshift_throttle")
+        for name in (*others, "downshift_throttle", "shift_time"):
+            require(f"powertrain.{name}", getattr(self, name), "", at_least=0.0)
+        require("powertrain.hold_time", self.hold_time, "s", at_least=self.shift_time)
+        plain_numbers(self)
+
+    def numbers(self, step: float) -> np.ndarray:
+        """What the kernel needs, for an integration step in s, (`layout.DRIVE_SIZE`,)."""
+        values = np.zeros(at.DRIVE_SIZE)
+        values[: at.D_RATIOS] = (
+            self.peak_torque,
+            self.peak_speed,
+            self.torque_width,
+            self.drag_torque,
+            self.drag_slope,
+            self.idle_speed,
+            self.efficiency,
+            0.5 * 1.2 * self.drag_area,
+            self.rolling,
+            self.creep,
+            self.creep_speed,
+            self.brake,
+            1.0 - math.exp(-step / self.pedal_lag) if self.pedal_lag > 0.0 else 1.0,
+            self.upshift,
+            self.upshift_throttle,
+            self.downshift,
+            self.downshift_throttle,
+            self.shift_time,
+            self.hold_time,
+            len(self.gears),
+        )
+        for gear, ratio in enumerate(self.gears):
+            values[at.D_RATIOS + gear] = ratio * self.final_drive / self.wheel_radius
+        return values
+
+
+#: VW Passat Variant 2.0 FSI: 110 kW, 200 N m at 3,500/min, six-speed automatic (maker's figures); drag, rolling,
+#: creep, brake, shift speeds and times are stated here as those of such a car: the article gives none.
+POWERTRAINS = {"passat": Powertrain()}
+
+
+def powertrain_from(value: str | Mapping[str, Any] | Powertrain) -> Powertrain:
+    """Read a powertrain: a name, a mapping of fields, or a record; ValueError names what is wrong."""
+    if isinstance(value, Powertrain):
+        return value
+    if isinstance(value, str):
+        choose("powertrain", value, POWERTRAINS)
+        return POWERTRAINS[value]
+    if not isinstance(value, Mapping):
+        raise ValueError(f"powertrain={value!r} must be {', '.join(POWERTRAINS)} or a mapping of Powertrain's fields")
+    return from_mapping(Powertrain, value, "powertrain")

@@ -1,0 +1,218 @@
+"""Driving with steering, throttle and brake: set speeds, a car ahead, stop points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from lanekeep_env import layout as at
+from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
+from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
+from lanekeep_env.physics.powertrain_parameters import Powertrain, powertrain_from
+from lanekeep_env.roads import RandomRoads, RoadSpec, SpeedSpec, speed_from
+from lanekeep_env.scenario.base import Channel
+from lanekeep_env.scenario.lane_keep import LaneKeepScenario
+
+#: Kinds of events and how many numbers follow time and kind.
+EVENTS = {
+    "speed": (at.SPEED_EVENT, 1),
+    "lead": (at.LEAD_EVENT, 2),
+    "lead_gone": (at.LEAD_GONE, 0),
+    "stop": (at.STOP_EVENT, 1),
+    "stop_gone": (at.STOP_GONE, 0),
+}
+Event = tuple[float, str, tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """What happens around a car: one given timeline, or a set of random ones.
+
+    Attributes:
+        events: (time in s, kind, numbers ...) in order of time, or none for random timelines. Kinds: "speed" (m/s; the one
+            at 0 s is also the car's speed at the start), "lead" (gap in m, speed in m/s of a car ahead), "lead_gone",
+            "stop" (distance of a stop point in m), "stop_gone".
+        count: random timelines in the set; an episode's key chooses one.
+        duration: of each of them, s.
+        largest_speed: m/s.
+        seed: of the set.
+    """
+
+    events: tuple[Event, ...] = ()
+    count: int = 256
+    duration: float = 60.0
+    largest_speed: float = 20.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "events", tuple(self._event(event) for event in self.events))
+        times = [event[0] for event in self.events]
+        if times != sorted(times):
+            raise ValueError(f"traffic.events: times {times} are not allowed: they must rise")
+        if self.events and (self.events[0][0] != 0.0 or self.events[0][1] != "speed"):
+            raise ValueError('traffic.events must begin with (0.0, "speed", m/s)')
+        require("traffic.count", self.count, "timelines", at_least=1, at_most=100_000, whole=True)
+        require("traffic.duration", self.duration, "s", above=0.0)
+        require("traffic.largest_speed", self.largest_speed, "m/s", at_least=5.0, at_most=60.0)
+        require("traffic.seed", self.seed, "", at_least=0, whole=True)
+        plain_numbers(self)
+
+    @staticmethod
+    def _event(event: Sequence[Any]) -> Event:
+        if not isinstance(event, Sequence) or len(event) < 2:
+            raise ValueError(f"traffic.events: {event!r} is not allowed: (time, kind, numbers ...)")
+        time, kind, *numbers = event
+        numbers = [one for number in numbers for one in (number if isinstance(number, list | tuple) else [number])]
+        require("traffic.events time", time, "s", at_least=0.0)
+        choose("traffic.events kind", kind, EVENTS)
+        if len(numbers) != EVENTS[kind][1]:
+            raise ValueError(f"traffic.events: {kind!r} takes {EVENTS[kind][1]} numbers, not {numbers!r}")
+        for number in numbers:
+            require(f"traffic.events {kind}", number, "", at_least=0.0, at_most=at.FAR)
+        return float(time), str(kind), tuple(float(number) for number in numbers)
+
+    def build(self) -> np.ndarray:
+        """Return the kernel's timelines, (timelines, events, 4)."""
+        if self.events:
+            timelines = [list(self.events)]
+        else:
+            rng = np.random.default_rng([self.seed, 0x7AFF])
+            timelines = [self._random(rng) for _ in range(self.count)]
+        table = np.full((len(timelines), max(map(len, timelines)), 4), np.inf)
+        for timeline, events in zip(table, timelines, strict=True):
+            for row, (time, kind, numbers) in zip(timeline, events, strict=False):
+                row[:] = time, EVENTS[kind][0], *(*numbers, 0.0, 0.0)[:2]
+        return table
+
+    def _random(self, rng: np.random.Generator) -> list[Event]:
+        """Set speeds; every other one meets a slower car that turns off again, or a stop point."""
+        speed = float(rng.uniform(0.3, 1.0) * self.largest_speed)
+        events: list[Event] = [(0.0, "speed", (speed,))]
+        time = 0.0
+        while True:
+            time += float(rng.uniform(6.0, 12.0))
+            if time > self.duration:
+                return events
+            chance = rng.random()
+            if chance < 0.35:
+                speed = float(rng.uniform(0.2, 1.0) * self.largest_speed)
+                events.append((time, "speed", (speed,)))
+            elif chance < 0.7:
+                ahead = float(rng.uniform(0.4, 0.9) * speed)
+                # Far enough that 3 m/s² are not needed to fall in behind it.
+                gap = 10.0 + 1.5 * speed + (speed - ahead) ** 2 / 3.0
+                events.append((time, "lead", (min(gap, 150.0), ahead)))
+                time += float(rng.uniform(8.0, 16.0))
+                events.append((time, "lead_gone", ()))
+            else:
+                events.append((time, "stop", (min(10.0 + speed + speed**2 / 3.0, 190.0),)))
+                time += float(rng.uniform(18.0, 24.0)) + speed
+                events.append((time, "stop_gone", ()))
+
+
+def traffic_from(value: Mapping[str, Any] | Sequence[Any] | Traffic | None) -> Traffic:
+    """Read traffic: None (random), a list of events, a mapping of fields, or a record; ValueError names what is wrong."""
+    if value is None:
+        return Traffic()
+    if isinstance(value, Traffic):
+        return value
+    if isinstance(value, Mapping):
+        return from_mapping(Traffic, value, "traffic")
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return Traffic(events=tuple(value))
+    raise ValueError(
+        f"traffic={value!r}{nearest(str(value), [])} must be a list of events or a mapping of Traffic's fields"
+    )
+
+
+def bounds_from(name: str, unit: str, limit: float, value: Any) -> tuple[float, float]:
+    """Read bounds (low, high) or one number for both, within ``limit`` either side."""
+    low, high = value if isinstance(value, tuple | list) and len(value) == 2 else (value, value)
+    for bound in (low, high):
+        require(name, bound, unit, at_least=-limit, at_most=limit)
+    if high < low:
+        raise ValueError(f"{name}={value!r} is not allowed: the bounds must be (low, high) with low <= high")
+    return float(low), float(high)
+
+
+def _slope_from(value: Any) -> tuple[float, float]:
+    return bounds_from("slope", "rad", 0.3, value)
+
+
+def _wind_from(value: Any) -> tuple[float, float]:
+    return bounds_from("wind", "m/s", 40.0, value)
+
+
+@dataclass(frozen=True)
+class DriveScenario(LaneKeepScenario):
+    """Everything that defines `lanekeep/Drive-v0`: the fields of `LaneKeepScenario` with other defaults, and these.
+
+    Attributes:
+        powertrain: a name, or a mapping of `Powertrain`.
+        traffic: a list of events, or a mapping of `Traffic`; random timelines by default.
+        slope: bounds (low, high) of the road's rise, rad, drawn once an episode, or one number.
+        wind: the same of the headwind, m/s.
+        reference_speed_error: of the running cost, m/s.
+
+    ``speed`` only says how far an episode goes; the car's own follows from its pedals.
+    """
+
+    vehicle: VehicleParameters = VEHICLES["passat"]
+    road: RoadSpec = field(default_factory=lambda: RandomRoads(peak_curvature=0.004, design_speed=25.0))
+    speed: SpeedSpec = field(default_factory=lambda: speed_from(20.0))
+    max_steering_angle: float = 0.5
+    start_lateral_error: float = 0.3
+    start_course_error: float = 0.02
+    reference_steering_rate: float = 0.2
+    control_step: float = 0.02
+    episode_steps: int = 3000
+    tyre: str = "magic_formula"
+    preview: int = 11
+    powertrain: Powertrain = field(default_factory=Powertrain)
+    traffic: Traffic = field(default_factory=Traffic)
+    slope: tuple[float, float] = (-0.03, 0.03)
+    wind: tuple[float, float] = (-5.0, 5.0)
+    reference_speed_error: float = 2.0
+
+    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
+        **LaneKeepScenario._readers,
+        "powertrain": powertrain_from,
+        "traffic": traffic_from,
+        "slope": _slope_from,
+        "wind": _wind_from,
+    }
+
+    def _check(self) -> None:
+        require("reference_speed_error", self.reference_speed_error, "m/s", above=0.0)
+        super()._check()
+        if (self.dynamics, self.tyre) != ("dynamic", "magic_formula"):
+            raise ValueError(
+                f"dynamics={self.dynamics!r} with tyre={self.tyre!r} is not allowed: the car with a powertrain is "
+                "'dynamic' on 'magic_formula' tyres"
+            )
+
+    @property
+    def model(self) -> int:
+        """The kernel's number of the vehicle model."""
+        return at.DRIVEN
+
+    @property
+    def num_actions(self) -> int:
+        """Steering and pedal."""
+        return 2
+
+    def _channels(self) -> list[Channel]:
+        far = float(at.FAR)
+        return [
+            *super()._channels(),
+            Channel("acceleration", "m/s²", -20.0, 20.0, "longitudinal"),
+            Channel("pedal", "", -1.0, 1.0, "what was asked for: throttle where positive, brake where negative"),
+            Channel("gear", "", 0.0, 7.0, "0 for the first"),
+            Channel("set_speed", "m/s", 0.0, 100.0, "asked for"),
+            Channel("lead_gap", "m", 0.0, far, f"to the car ahead, {far:g} without one"),
+            Channel("lead_speed", "m/s", 0.0, 100.0, "of the car ahead"),
+            Channel("stop_gap", "m", -far, far, f"to the stop point, {far:g} without one"),
+        ]

@@ -1,0 +1,57 @@
+"""Driving with throttle and brake: what happens around the car, and what a step costs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lanekeep_env import layout as at
+from lanekeep_env.compile import helper, inline
+from lanekeep_env.physics.numeric import larger, like, smaller
+
+#: Gap of a standing car (m) and time gap (s) of the speed that the cost asks for, and its braking, m/s².
+STANDING_GAP, TIME_GAP, BRAKING = 4.0, 1.5, 1.7
+
+
+@helper
+def happen(i, lanes, timeline, settings):
+    """Let the events of a timeline happen whose time has come in lane i."""
+    time = lanes[at.STEP, i] * settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    event = np.int64(lanes[at.EVENT, i])
+    while event < timeline.shape[0] and timeline[event, at.E_TIME] <= time + 1e-6:
+        kind, first, second = timeline[event, at.E_KIND], timeline[event, at.E_FIRST], timeline[event, at.E_SECOND]
+        if kind == at.SPEED_EVENT:
+            lanes[at.SET_SPEED, i] = first
+        elif kind == at.LEAD_EVENT:
+            lanes[at.LEAD_GAP, i] = first
+            lanes[at.LEAD_SPEED, i] = second
+        elif kind == at.LEAD_GONE:
+            lanes[at.LEAD_GAP, i] = at.FAR
+            lanes[at.LEAD_SPEED, i] = 0.0
+        elif kind == at.STOP_EVENT:
+            lanes[at.STOP_GAP, i] = first
+        else:
+            lanes[at.STOP_GAP, i] = at.FAR
+        event += 1
+    lanes[at.EVENT, i] = event
+
+
+@helper
+def move_on(i, way, seconds, lanes):
+    """Move lead car and stop point of lane i relative to a car that drove ``way`` metres."""
+    far = like(way, at.FAR)
+    if lanes[at.LEAD_GAP, i] < far:
+        gap = lanes[at.LEAD_GAP, i] + lanes[at.LEAD_SPEED, i] * seconds - way
+        lanes[at.LEAD_GAP, i] = smaller(gap, like(way, at.FAR - 1e-3))
+    if lanes[at.STOP_GAP, i] < far:
+        lanes[at.STOP_GAP, i] -= way
+
+
+@inline
+def wanted_speed(set_speed, gap, stop):
+    """Return the speed that the cost asks for, m/s: the set one, a time gap to the lead car, even braking to a stop."""
+    zero, far = like(gap, 0.0), like(gap, at.FAR)
+    wanted = set_speed
+    follow = larger((gap - like(gap, STANDING_GAP)) / like(gap, TIME_GAP), zero)
+    wanted = smaller(wanted, follow) if gap < far else wanted
+    brake = np.sqrt(like(gap, 2.0 * BRAKING) * larger(stop, zero))
+    return smaller(wanted, brake) if stop < far else wanted
