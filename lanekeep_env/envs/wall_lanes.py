@@ -100,7 +100,7 @@ class WallLanes:
         gear = None
         if steering.backlash > 0.0:
             gear = np.array([steering.backlash / 2, steering.feedback == "motor"], dtype=self.dtype)
-        self.equipment = self.sensors, gear, s.servo.table(self._limit()), self._scan(scratch)
+        self.equipment = self.sensors, gear, s.servo.table(self._limit()), *self._scan(scratch)
         model = int(self.settings[at.MODEL])
         self.step = wall_kernel.STEP[model]
         self.step_parallel = wall_kernel.STEP_PARALLEL[model]
@@ -186,12 +186,12 @@ class WallLanes:
         ]
         return np.array(rows, dtype=self.dtype)
 
-    def _scan(self, scratch: np.ndarray) -> tuple[np.ndarray, ...] | None:
-        """The scan's numbers, beams, scratch arrays and the ranges shown last, or None without a scan."""
+    def _scan(self, scratch: np.ndarray) -> tuple[np.ndarray | None, ...]:
+        """The scan's numbers, beams, scratch arrays and the ranges shown last, or None for each without a scan."""
         s = self.scenario
         scan = s.scan
         if scan.beams == 0:
-            return None
+            return (None,) * 5
         numbers = np.zeros(at.SCAN_SIZE, dtype=self.dtype)
         numbers[at.SCAN_FIRST], numbers[at.SCAN_STEP] = -0.5 * scan.field_of_view, scan.step
         numbers[at.SCAN_NEAREST], numbers[at.SCAN_FARTHEST] = scan.nearest, scan.farthest

@@ -46,7 +46,7 @@ def test_envs_lists_every_id_with_its_channels():
     found = json.loads(RUNNER.invoke(app, ["envs", "--json"]).stdout)
     assert [entry["id"] for entry in found] == sorted(lanekeep_env.ENVIRONMENTS)
     channels = {channel["name"]: channel for channel in found[0]["channels"]}
-    assert channels["lateral_error"]["unit"] == "m"
+    assert channels["speed"]["unit"] == "m/s"
 
 
 @pytest.fixture(scope="module")
@@ -185,7 +185,8 @@ def test_missing_typer_names_the_extra(tmp_path):
 def test_all_baselines_are_the_default(oval, tmp_path, capsys):
     assert main(["bench", "--road", str(oval), "--episodes", "1", "--json", "--out", str(tmp_path / "out")]) == 0
     policies = json.loads(capsys.readouterr().out)["scenarios"][0]["policies"]
-    assert [row["policy"] for row in policies] == list(lanekeep_baselines.names())
+    scenario = lanekeep_env.LaneKeepScenario()
+    assert [row["policy"] for row in policies] == list(lanekeep_baselines.names(scenario))
 
 
 class TestSpeed:
