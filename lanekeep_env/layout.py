@@ -64,7 +64,8 @@ LAP_TIME = 48  # of the last lap, s; 0 before
 CLEARANCE = 49  # distance of the body from the nearest wall, m
 BEFORE = 50  # x (m), y (m), heading (rad) and speed (m/s) at the start of the control step
 LAPS_DONE = 54  # in this episode
-LANE_ROWS = 55  # further rows, as many as needed: commands (newest first), then the sensors' rows
+BLOCKED = 55  # 1 where the start that was drawn or asked for lay in or beyond a wall, and the world's own was taken
+LANE_ROWS = 56  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the lane (a uint64, reinterpreted)

@@ -18,7 +18,7 @@ from lanekeep_env.envs.road_start import (
 from lanekeep_env.physics.numeric import like, sin_cos
 from lanekeep_env.randomness import derive, uniform
 from lanekeep_env.sensing.ultrasonic import cone_distance
-from lanekeep_env.walls.contact import touches
+from lanekeep_env.walls.contact import sweeps, touches
 
 #: Counter of the steering offset's draw, behind those of the car.
 DRAW_OFFSET = np.int64(64)
@@ -165,6 +165,24 @@ def start_between_walls(i, lateral, heading, start, world, lanes, counters, worl
         first,
         last,
     )
+    # Nor may a wall stand between it and the world's own start: beyond it lies another room, or none.
+    blocked = blocked or sweeps(
+        like(zero, starts[0, place]),
+        like(zero, starts[1, place]),
+        like(zero, cosine),
+        like(zero, sine),
+        like(zero, x),
+        like(zero, y),
+        like(zero, cosine),
+        like(zero, sine),
+        zero,
+        zero,
+        walls,
+        first,
+        last,
+        scratch,
+    )
+    lanes[at.BLOCKED, i] = like(zero, 1.0) if blocked else zero
     if not blocked:  # else the start of the world itself, which is free
         lanes[at.ALONG, i] = x
         lanes[at.LATERAL, i] = y

@@ -275,6 +275,17 @@ class TestStart:
         sides = {(round(x / 10), round(y / 10)) for x, y in zip(infos["x"], infos["y"], strict=True)}
         assert len(sides) == 4  # each of the circuit's sides
 
+    def test_no_drawn_start_lies_in_or_beyond_a_wall(self):
+        env = many(600, world=OVAL, start_lateral_error=9.0, start_heading_error=math.pi)
+        (world,) = env.unwrapped.world_set()
+        _, infos = env.reset(seed=3)
+        walls = shapely.union_all(lines(world))
+        outside, inside = sorted(shapely.polygonize(shapely.get_parts(walls)).geoms, key=lambda one: -one.area)
+        for lane, (x, y) in enumerate(zip(infos["x"], infos["y"], strict=True)):
+            assert outside.contains(shapely.Point(x, y)) and not inside.contains(shapely.Point(x, y))
+            assert body(*pose(env, lane)).distance(walls) > 0.0
+        assert np.ptp(infos["lateral_error"]) > 1.3
+
     def test_a_circuits_car_starts_at_rest_beside_the_centre_line(self):
         env = many(500, CIRCUIT)
         worlds = env.unwrapped.world_set()
