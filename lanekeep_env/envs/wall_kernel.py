@@ -179,9 +179,11 @@ def _lap(i, progress, lanes, counters, worlds, settings):
     before = lanes[at.PROGRESS, i]
     lanes[at.PROGRESS, i] = before + progress
     laps = np.floor(lanes[at.PROGRESS, i] / length)
+    if index[which, at.I_CLOSED] == 0:  # stations end with the line: sums of progress reach its length by chance
+        laps = like(progress, 1.0 if lanes[at.STATION, i] >= length * like(progress, 1.0 - 1e-6) else 0.0)
     if progress > 0.0 and laps > lanes[at.LAPS_DONE, i]:  # a line that is crossed back and forth counts once
         lanes[at.LAPS_DONE, i] = laps
-        share = (laps * length - before) / progress
+        share = smaller((laps * length - before) / progress, like(progress, 1.0))
         now = (lanes[at.STEP, i] - like(progress, 1.0) + share) * seconds
         lanes[at.LAP_TIME, i] = now - lanes[at.LAP_BEGAN, i]
         lanes[at.LAP_BEGAN, i] = now
@@ -272,9 +274,8 @@ def _observe(i, lane, lanes, counters, worlds, settings, sensors, numbers, scan,
         observation[i, channel + 2] = clip(lanes[at.CLEARANCE, i], settings[place + 4], settings[place + 5])
         observation[i, channel + 3] = clip(lanes[at.STEER_OFFSET, i], settings[place + 6], settings[place + 7])
         channel += 4
-    if numbers is not None:
-        if numbers[at.SCAN_PERIOD] > 1.0:
-            observation[i, channel] = 1.0 if renewed else 0.0
+    if numbers is not None and numbers[at.SCAN_PERIOD] > 1.0:
+        observation[i, channel] = 1.0 if renewed else 0.0
     measure(i, lanes, counters, settings, sensors, observation)
 
 

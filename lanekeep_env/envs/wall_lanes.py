@@ -239,7 +239,9 @@ class WallLanes:
             blocked = np.flatnonzero(mask & (self.lanes[:, at.BLOCKED].reshape(-1)[: self.num_lanes] > 0.0))
             if len(blocked):
                 asked = ", ".join(f"{key}={options[key]!r}" for key in START_OPTIONS if key in options)
-                raise ValueError(f"reset options {asked}: the car of lane {blocked[0]} would stand in or beyond a wall there")
+                raise ValueError(
+                    f"reset options {asked}: the car of lane {blocked[0]} would stand in or beyond a wall there"
+                )
 
     def _start(self, options: dict[str, Any]) -> np.ndarray:
         start = np.full((at.START_ROWS, self.num_lanes), np.nan)

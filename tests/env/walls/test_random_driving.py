@@ -26,7 +26,7 @@ def random_keywords(rng, circuit):
             "steering": {
                 "lag": pick(0.05, 0.1) if geared else pick(0.0, 0.0, 0.1),
                 "backlash": 0.03 if geared else 0.0,
-                "feedback": pick("motor", "wheel"),
+                "feedback": pick("motor", "road_wheel"),
                 "delay": pick(0.0, 0.035),
                 "rate_limit": pick(None, 4.0),
                 "angle_limit": pick(None, 0.38, 1.0),
@@ -95,7 +95,9 @@ def test_three_thousand_random_episodes_over_the_whole_parameter_range():
         for _ in range(steps):
             inside = (observation >= low) & (observation <= high)
             assert inside.all(), (keywords, env.unwrapped.channels[np.flatnonzero(~inside.all(axis=0))[0]])
-            assert all(np.isfinite(value).all() for name, value in infos.items() if name in env.unwrapped.truth), keywords
+            assert all(np.isfinite(value).all() for name, value in infos.items() if name in env.unwrapped.truth), (
+                keywords
+            )
             assert (infos["clearance"] >= 0.0).all(), keywords
             actions = rng.uniform(-1.2, 1.2, env.action_space.shape).astype(np.float32)
             observation, reward, ended, truncated, infos = env.step(actions)

@@ -8,7 +8,7 @@ import pytest
 import shapely
 from scipy import stats
 
-import lanekeep_env  # noqa: F401
+import lanekeep_env
 
 CIRCUIT, WALL = "lanekeep/Circuit-v0", "lanekeep/WallFollow-v0"
 NOSE = 0.532 / 2
@@ -34,7 +34,9 @@ def rays(x, y, heading, angles, walls):
     nose = np.array([x + NOSE * math.cos(heading), y + NOSE * math.sin(heading)])
     ends = nose + 100.0 * np.column_stack([np.cos(heading + angles), np.sin(heading + angles)])
     beams = shapely.linestrings(np.stack([np.broadcast_to(nose, ends.shape), ends], axis=1))
-    geometry = shapely.union_all(shapely.linestrings(walls.reshape(-1, 2, 2))) if len(walls) else shapely.MultiLineString()
+    geometry = (
+        shapely.union_all(shapely.linestrings(walls.reshape(-1, 2, 2))) if len(walls) else shapely.MultiLineString()
+    )
     found = shapely.distance(shapely.Point(nose), shapely.intersection(beams, geometry))
     return np.where(np.isnan(found), np.inf, found)
 

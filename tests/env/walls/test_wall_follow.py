@@ -1,4 +1,4 @@
-"""A car between walls: closed forms in world coordinates, shapely for contact and progress, and the rules of the tasks."""
+"""A car between walls: closed forms in world coordinates, shapely for contact and progress, the rules of the tasks."""
 
 import math
 
@@ -151,7 +151,7 @@ class TestVehicle:
         command = 0.0
         for action in np.random.default_rng(0).uniform(-1, 1, 80).astype(np.float32):
             command = float(np.clip(command + 2.0 * action * STEP, -LIMIT, LIMIT))
-            observation, _, _, _, info = env.step(np.array([action]))
+            observation = env.step(np.array([action]))[0]
             assert observation[column(env, "steering_angle")] == pytest.approx(command, abs=1e-6)
 
     def test_the_steering_offset_is_drawn_once_an_episode_and_hidden(self):
@@ -180,7 +180,9 @@ class TestVehicle:
             assert observation[column(env, "speed")] == pytest.approx(speed, abs=1e-6)
             assert observation[column(env, "speed_command")] == pytest.approx(target, abs=1e-6)
             # Exact but for the sub-step in which a ramp ends: less than a twelfth of its gain of speed.
-            assert (pose(env)[:2] - start[:2]) @ [math.cos(start[2]), math.sin(start[2])] == pytest.approx(way, abs=1e-4)
+            assert (pose(env)[:2] - start[:2]) @ [math.cos(start[2]), math.sin(start[2])] == pytest.approx(
+                way, abs=1e-4
+            )
         assert way < 0.0
 
     def test_the_dynamic_car_brakes_to_a_stop_and_does_not_go_backwards(self):
@@ -425,7 +427,7 @@ class TestContact:
             env.reset(seed=0, options={"lateral_error": float(lateral), "heading_error": 0.0})
             ended = truncated = False
             while not (ended or truncated) and pose(env)[0] < 6.0:
-                _, _, ended, truncated, info = env.step(np.zeros(1, np.float32))
+                _, _, ended, truncated, _ = env.step(np.zeros(1, np.float32))
                 assert ended == (body(*pose(env)).distance(walls) < 1e-9)
             blocked = 0.0 + 1.0 - 1.5 + lateral + WIDTH / 2 > 0.0  # the wall's lower end is at y = 0
             assert ended == blocked
@@ -541,6 +543,27 @@ class TestCircuit:
         for speed in [-1.0] * 30 + [1.0] * 40 + [-1.0] * 40 + [1.0] * 40:
             _, _, ended, _, info = env.step(np.array([0.0, 0.4 * speed], np.float32))
             assert info["lap_time"] == lap and not ended
+
+    @pytest.mark.parametrize("dtype", ["float64", "float32"])
+    @pytest.mark.parametrize("world", [{"kind": "corridor", "length": 8.3, "width": 2.0}, {"kind": "ell"}])
+    def test_an_open_line_is_done_at_its_end(self, world, dtype):
+        env = make(CIRCUIT, world=world, dtype=dtype)
+        (built,) = env.unwrapped.world_set()
+        line = shapely.LineString(built.centre_line)
+        _, info = env.reset(seed=0)
+        ended, step = False, 0
+        while not ended:
+            before = line.project(shapely.Point(info["x"], info["y"]))
+            heading = pose(env)[2]
+            goal = line.interpolate(min(before + 0.5, line.length))
+            aim = math.atan2(goal.y - info["y"], goal.x - info["x"])
+            steer = np.clip(2.0 * math.remainder(aim - heading, 2 * math.pi), -1, 1)
+            _, _, ended, truncated, info = env.step(np.array([steer, 0.4], np.float32))
+            assert not truncated
+            step += 1
+        assert info["termination"] == Termination.FINISHED
+        assert before < line.length and line.project(shapely.Point(info["x"], info["y"])) >= line.length * (1 - 2e-6)
+        assert info["lap_time"] == pytest.approx(step * STEP, abs=STEP)
 
     @pytest.mark.parametrize("speed", [2.0, 20.0])
     def test_progress_is_found_at_any_speed(self, speed):

@@ -8,7 +8,7 @@ import pytest
 import shapely
 from PIL import Image
 
-import lanekeep_env  # noqa: F401
+import lanekeep_env
 
 WALL, CIRCUIT = "lanekeep/WallFollow-v0", "lanekeep/Circuit-v0"
 SETTINGS = {
@@ -128,7 +128,9 @@ def test_a_start_that_is_not_possible_is_refused(options, words):
     masked.reset(options={"lateral_error": 0.0, "reset_mask": mask})
 
 
-@pytest.mark.parametrize("name, action", [(WALL, [0.0, 0.0]), (WALL, 0.0), (CIRCUIT, [0.0]), (CIRCUIT, [0.0, 0.0, 0.0])])
+@pytest.mark.parametrize(
+    "name, action", [(WALL, [0.0, 0.0]), (WALL, 0.0), (CIRCUIT, [0.0]), (CIRCUIT, [0.0, 0.0, 0.0])]
+)
 def test_an_action_of_another_shape_is_refused(name, action):
     env = gym.make(name)
     env.reset(seed=0)
