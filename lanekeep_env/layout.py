@@ -63,7 +63,9 @@ LAP_BEGAN = 47  # s
 LAP_TIME = 48  # of the last lap, s; 0 before
 CLEARANCE = 49  # distance of the body from the nearest wall, m
 BEFORE = 50  # x (m), y (m), heading (rad) and speed (m/s) at the start of the control step
-LANE_ROWS = 54  # further rows, as many as needed: commands (newest first), then the sensors' rows
+LAPS_DONE = 54  # in this episode
+BLOCKED = 55  # 1 where the start that was drawn or asked for lay in or beyond a wall, and the world's own was taken
+LANE_ROWS = 56  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the lane (a uint64, reinterpreted)
@@ -153,7 +155,7 @@ GEAR_SIZE = 2
 # servo: (command quantum, 0 for none; then angles at commands from -max to +max, uniformly spaced), rad of the road
 # wheel, or None where the wheel goes where it is told
 
-# scan: (numbers, beams, scratch, fan, held) or None; numbers in this order:
+# scan: numbers, beams, scratch, fan and held, or None for each; numbers in this order:
 SCAN_FIRST = 0  # angle of the first beam from the car's axis, rad
 SCAN_STEP = 1
 SCAN_NEAREST = 2  # m
