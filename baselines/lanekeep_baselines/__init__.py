@@ -18,6 +18,7 @@ __all__ = ["Policy", "Scenario", "make", "names"]
 
 # Modules are imported when a policy is made: `pd` runs without python-control, and names() costs nothing.
 _POLICIES = {
+    "knightriders-circuit": "knightriders_circuit:KnightRidersCircuit",
     "pd": "pd:ProportionalDerivative",
     "pure-pursuit": "pure_pursuit:PurePursuit",
     "pure-pursuit-understeer": "pure_pursuit:PurePursuitUndersteer",

@@ -51,13 +51,14 @@ class WallNoise:
 class WallFilter:
     """Estimates (distance, heading, steering offset, yaw-rate bias), row by row.
 
-    Its memory has 20 columns: the four estimates and their covariance, row after row.
+    Its memory has 20 columns: the four estimates and their covariance, row after row. ``cone`` is half the angle (rad)
+    of a side sensor that shows the nearest point of a cone: up to that heading the distance itself.
     """
 
     memory = 20
 
-    def __init__(self, car: WallCar, noise: WallNoise | None = None) -> None:
-        self._car = car
+    def __init__(self, car: WallCar, noise: WallNoise | None = None, cone: float = 0.0) -> None:
+        self._car, self._cone = car, cone
         self._noise = WallNoise() if noise is None else noise
 
     def update(
@@ -76,19 +77,22 @@ class WallFilter:
             fresh: rows that start: along the wall at the measured distance, without offset and bias.
             speed: mean over the step that ended, m/s, (n,); negative backwards.
             steering: what the road wheel was told over that step, rad, (n,).
-            side_distance: now, along the sensor's axis, m, (n,).
+            side_distance: now, along the sensor's axis, m, (n,); NaN where there is none: then it corrects nothing.
             yaw_rate: of that step, rad/s, (n,).
         """
         states, covariance = memory.T[:4], memory.T[4:].reshape(4, 4, -1)
         states, covariance, slope = self._predict(states, covariance, speed, steering)
-        cosine = np.cos(states[1])
+        # Side distance y/cos(phi), with a cone from its edge on.
+        angle = np.copysign(np.maximum(np.abs(states[1]) - self._cone, 0.0), states[1])
+        cosine, tangent = np.cos(angle), np.tan(angle)
         seen = states[0] / cosine
-        # Side distance y/cos(phi).
-        toward = (covariance[:, 0] + states[0] * np.tan(states[1]) * covariance[:, 1]) / cosine
-        spread = (toward[0] + states[0] * np.tan(states[1]) * toward[1]) / cosine + self._noise.side_distance**2
+        toward = (covariance[:, 0] + states[0] * tangent * covariance[:, 1]) / cosine
+        spread = (toward[0] + states[0] * tangent * toward[1]) / cosine + self._noise.side_distance**2
         turned = (states[1] - memory[:, 1]) / self._car.step  # before the correction: the turn that was predicted
+        blind = np.isnan(side_distance)
+        toward = np.where(blind, 0.0, toward)
         gain = toward / spread
-        innovation = side_distance - seen
+        innovation = np.where(blind, 0.0, side_distance - seen)
         states = states + gain * innovation
         covariance = covariance - toward[:, None] * toward[None] / spread
         # Yaw rate: that of the predicted turn, as the offset's correction changes it, plus the bias.
