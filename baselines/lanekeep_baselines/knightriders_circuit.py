@@ -8,8 +8,9 @@ Added to it:
 - The wall is followed by the redesigned cascade on the Kalman filter. Through a corner the filter goes on without a
   side wall, so that heading, steering offset and yaw-rate bias stay known; half-way it changes over to the next leg's
   wall, whose place follows from the corner's.
-- The corner's place is that of the wall ahead less the corridor's width, within what the scan shows of the wall's end,
-  and by odometry where neither is seen. The camera loses the end from view 1.4 times its side distance before it.
+- The corner's place is that of the wall ahead less the corridor's width, within what the scan shows of the wall's end;
+  an end elsewhere is none of a corner. The camera loses it from view 1.4 times its side distance before it: then the
+  wall ahead and odometry tell.
 - The arc is planned anew in each step: the one that from here touches the next leg's lane. It starts where its radius
   is `RADIUS`.
 - The lane is near the inner wall, where the lap is shortest and the arc still clears the corner; farther from it in
@@ -81,6 +82,8 @@ class KnightRidersCircuit(DrivingPolicy):
     #: Half the angle of the side sensor's cone, rad; up to this heading it shows the distance across the leg. And how far
     #: a distance may be from the expected one, m, to be one of the same wall.
     CONE, SAME = float(np.deg2rad(22.5)), 0.2
+    #: How far the wall ahead less the corridor may be from a wall's end that the scan shows, m, for that to be a corner.
+    AGREE: ClassVar[float] = 0.5
     #: Votes that settle the direction, and the most that are kept.
     SETTLED, MOST = 3.0, 12.0
     #: Speeds, m/s: without a direction at the corner, and below which gains are those of this one.
@@ -157,9 +160,10 @@ class KnightRidersCircuit(DrivingPolicy):
         ranges = self._reader.ranges(np.stack([at[channel] for channel in self._reader.channels]))
         at_nose = distance + (self._nose - self._car.sensor) * np.sin(heading)
         ahead = self._nose * np.cos(heading)
+        front = self._reader.ahead(ranges, heading) - corridor
         ends = (
-            self._reader.wall_end(ranges, heading, at_nose, -1.0),
-            self._reader.wall_end(ranges, heading, corridor - at_nose, 1.0),
+            self._reader.wall_end(ranges, heading, at_nose, -1.0).about(front, self.AGREE),
+            self._reader.wall_end(ranges, heading, corridor - at_nose, 1.0).about(front, self.AGREE),
         )
         vote = np.where(ends[1].seen, 1.0, 0.0) - np.where(ends[0].seen, 1.0, 0.0)
         # Nothing seen until the inner wall ends beside the car: its ultrasonic looks into the next leg.
@@ -169,10 +173,7 @@ class KnightRidersCircuit(DrivingPolicy):
         votes = np.clip(leg.votes + np.where(along, vote, 0.0), -self.MOST, self.MOST)
         side = self._side(leg._replace(votes=votes))
         end = WallEnd(*(np.where(side > 0.0, b, a) for a, b in zip(*ends, strict=True)))
-        front = self._reader.ahead(ranges, heading) - corridor
-        seen = end.seen & (side != 0.0)
-        place = np.where(seen, np.where(np.isfinite(front), np.clip(front, end.near, end.far), 0.0), front)
-        place = np.where(seen & ~np.isfinite(front), 0.5 * (end.near + np.where(seen, end.far, 0.0)), place) + ahead
+        place = np.where(end.seen & (side != 0.0), np.clip(front, end.near, end.far), front) + ahead
         found = along & np.isfinite(place)
         share = np.where(leg.corner > 0.5 * _UNKNOWN, 1.0, 0.5)
         corner = np.where(found, leg.corner + share * (np.where(found, place, 0.0) - leg.corner), leg.corner)

@@ -46,6 +46,11 @@ class WallEnd(NamedTuple):
         """Whether an end is seen."""
         return np.isfinite(self.far)
 
+    def about(self, place: Floats, margin: float) -> WallEnd:
+        """Return the end where ``place`` (m, (n,)) is within ``margin`` of it, none elsewhere."""
+        agrees = (place >= self.near - margin) & (place <= self.far + margin)
+        return WallEnd(self.near, np.where(agrees, self.far, np.inf))
+
 
 class ScanReader:
     """Reads scans of one camera; elementwise over the rows, and along the beams only sorts and takes extremes.
