@@ -21,6 +21,7 @@ Added to it:
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -31,7 +32,8 @@ from lanekeep_baselines.scan_features import ScanReader, ScanRecord, WallEnd
 from lanekeep_baselines.wall_cascade import LARGEST_HEADING
 from lanekeep_baselines.wall_control import Cascade, Measured
 from lanekeep_baselines.wall_design import WallCar
-from lanekeep_baselines.wall_estimator import WallFilter
+from lanekeep_baselines.wall_estimator import WallFilter, WallNoise
+from lanekeep_env.sensing.faults import Sensor, Sensors
 
 _RIGHT_ANGLE = 0.5 * np.pi
 #: A corner of which nothing is known is this far ahead, m.
@@ -45,6 +47,8 @@ class CircuitDrive(DrivingScenario, Protocol):
 
     @property
     def scan(self) -> ScanRecord: ...
+    @property
+    def sensors(self) -> Sensors: ...
 
 
 class Leg(NamedTuple):
@@ -84,6 +88,8 @@ class KnightRidersCircuit(DrivingPolicy):
     CONE, SAME = float(np.deg2rad(22.5)), 0.2
     #: How far the wall ahead less the corridor may be from a wall's end that the scan shows, m, for that to be a corner.
     AGREE: ClassVar[float] = 0.5
+    #: Standard deviation of the heading at the start, rad, and that above which no direction is seen.
+    START, SURE = 0.1, 0.06
     #: Votes that settle the direction, and the most that are kept.
     SETTLED, MOST = 3.0, 12.0
     #: Speeds, m/s: without a direction at the corner, and below which gains are those of this one.
@@ -95,11 +101,22 @@ class KnightRidersCircuit(DrivingPolicy):
         self._car = WallCar(car.wheelbase, 0.5 * car.wheelbase, scenario.control_step)
         self._nose = 0.5 * car.wheelbase + 0.5 * car.length  # of the camera, ahead of the rear axle
         self._limit = scenario.max_steering_angle
-        self._filter = WallFilter(self._car, cone=self.CONE)
+        self._filter = WallFilter(self._car, self._noise(scenario), self.CONE)
         self._control = Cascade(self._car, self._limit, LARGEST_HEADING)
         self._reader = ScanReader(scenario.scan)
         self._split = self._filter.memory, self._filter.memory + self._control.memory
         self.memory = self._split[1] + len(Leg._fields)
+
+    def _noise(self, scenario: CircuitDrive) -> WallNoise:
+        """Return the filter's noise: what it has for granted, more for worse sensors, and a start along the wall."""
+        nominal, sensors = WallNoise(), dict(scenario.sensors)
+        side, yaw = (sensors.get(channel, Sensor()) for channel in ("distance_right", "yaw_rate"))
+        return replace(
+            nominal,
+            side_distance=max(nominal.side_distance, side.noise),
+            yaw_rate=max(nominal.yaw_rate, yaw.noise),
+            start=(max(nominal.start[0], side.noise), self.START, nominal.start[2], max(nominal.start[3], yaw.bias)),
+        )
 
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
@@ -166,6 +183,7 @@ class KnightRidersCircuit(DrivingPolicy):
             self._reader.wall_end(ranges, heading, corridor - at_nose, 1.0).about(front, self.AGREE),
         )
         vote = np.where(ends[1].seen, 1.0, 0.0) - np.where(ends[0].seen, 1.0, 0.0)
+        vote = np.where(known[:, 9] < self.SURE**2, vote, 0.0)  # the heading's variance
         # Nothing seen until the inner wall ends beside the car: its ultrasonic looks into the next leg.
         late = (self._side(leg) == 0.0) & (leg.corner < self._car.sensor) & (vote == 0.0)
         opens = np.where(left > corridor - distance + self.SAME, 1.0, 0.0) - np.where(right > distance + self.SAME, 1.0, 0.0)
