@@ -32,7 +32,7 @@ from lanekeep_baselines.scan_features import ScanReader, ScanRecord, WallEnd
 from lanekeep_baselines.wall_cascade import LARGEST_HEADING
 from lanekeep_baselines.wall_control import Cascade, Measured
 from lanekeep_baselines.wall_design import WallCar
-from lanekeep_baselines.wall_estimator import WallFilter, WallNoise
+from lanekeep_baselines.wall_estimator import HALF_CONE, WallFilter, WallNoise
 from lanekeep_env.sensing.faults import Sensor, Sensors
 
 _RIGHT_ANGLE = 0.5 * np.pi
@@ -83,17 +83,16 @@ class KnightRidersCircuit(DrivingPolicy):
     NEAR, WIDE = 0.55, 1.25
     #: Where the arc ends and the cascade takes over, rad.
     END: ClassVar[float] = float(np.deg2rad(8.0))
-    #: Half the angle of the side sensor's cone, rad; up to this heading it shows the distance across the leg. And how far
-    #: a distance may be from the expected one, m, to be one of the same wall.
-    CONE, SAME = float(np.deg2rad(22.5)), 0.2
-    #: How far the wall ahead less the corridor may be from a wall's end that the scan shows, m, for that to be a corner.
+    #: How far a side distance may be from the expected one, m, to be one of the same wall.
+    SAME: ClassVar[float] = 0.2
+    #: How far the wall ahead less the corridor may be from a wall's end in the scan, m, for that to be a corner.
     AGREE: ClassVar[float] = 0.5
     #: Standard deviation of the heading at the start, rad, and that above which no direction is seen.
-    START, SURE = 0.1, 0.06
+    START, SURE = 0.1, 0.08
     #: Votes that settle the direction, and the most that are kept.
     SETTLED, MOST = 3.0, 12.0
     #: Speeds, m/s: without a direction at the corner, and below which gains are those of this one.
-    CREEP, SLOWEST = 0.8, 0.2
+    CREEP, SLOWEST = 1.2, 0.2
 
     def __init__(self, scenario: CircuitDrive) -> None:
         super().__init__(scenario)
@@ -101,7 +100,7 @@ class KnightRidersCircuit(DrivingPolicy):
         self._car = WallCar(car.wheelbase, 0.5 * car.wheelbase, scenario.control_step)
         self._nose = 0.5 * car.wheelbase + 0.5 * car.length  # of the camera, ahead of the rear axle
         self._limit = scenario.max_steering_angle
-        self._filter = WallFilter(self._car, self._noise(scenario), self.CONE)
+        self._filter = WallFilter(self._car, self._noise(scenario))
         self._control = Cascade(self._car, self._limit, LARGEST_HEADING)
         self._reader = ScanReader(scenario.scan)
         self._split = self._filter.memory, self._filter.memory + self._control.memory
@@ -145,8 +144,10 @@ class KnightRidersCircuit(DrivingPolicy):
         same |= (left > 0.0) & (np.abs(right + left - leg.corridor) < 0.5 * self.SAME)
         passed = (self._side(leg) < 0.0) & (leg.corner - way < self._car.sensor)  # the sensor, the inner wall's end
         shown = (right > 0.0) & same & (leg.phase != _ENTERS) & ~passed
-        distance = np.where(shown | fresh, right, np.nan)
-        return self._filter.update(memory, fresh, way / self._car.step, at["steering_command"], distance, at["yaw_rate"])
+        distance = np.where(shown | fresh, right, 0.0)  # 0 corrects nothing
+        return self._filter.update(
+            memory, fresh, way / self._car.step, at["steering_command"], distance, at["yaw_rate"]
+        )
 
     def _side(self, leg: Leg) -> Floats:
         """Return 1 where corners go to the left, -1 to the right, 0 where that is not known."""
@@ -171,7 +172,7 @@ class KnightRidersCircuit(DrivingPolicy):
         """Measure corridor and corner, and vote for the direction, where the car is along a wall."""
         along, distance, heading = leg.phase == _WALL, known[:, 0], known[:, 1]
         right, left, corridor = at["distance_right"], at["distance_left"], leg.corridor
-        straight = along & (np.abs(heading) < self.CONE) & (right > 0.0) & (left > 0.0)
+        straight = along & (np.abs(heading) < HALF_CONE) & (right > 0.0) & (left > 0.0)
         wider = np.where(straight, right + left - corridor, 0.0)
         corridor = corridor + np.where(np.abs(wider) < self.SAME, 0.2, 0.0) * wider
         ranges = self._reader.ranges(np.stack([at[channel] for channel in self._reader.channels]))
@@ -182,17 +183,19 @@ class KnightRidersCircuit(DrivingPolicy):
             self._reader.wall_end(ranges, heading, at_nose, -1.0).about(front, self.AGREE),
             self._reader.wall_end(ranges, heading, corridor - at_nose, 1.0).about(front, self.AGREE),
         )
-        vote = np.where(ends[1].seen, 1.0, 0.0) - np.where(ends[0].seen, 1.0, 0.0)
+        vote = 1.0 * ends[1].seen - 1.0 * ends[0].seen
         vote = np.where(known[:, 9] < self.SURE**2, vote, 0.0)  # the heading's variance
         # Nothing seen until the inner wall ends beside the car: its ultrasonic looks into the next leg.
         late = (self._side(leg) == 0.0) & (leg.corner < self._car.sensor) & (vote == 0.0)
-        opens = np.where(left > corridor - distance + self.SAME, 1.0, 0.0) - np.where(right > distance + self.SAME, 1.0, 0.0)
-        vote = np.where(late, opens, vote)
+        to_left, to_right = left > corridor - distance + self.SAME, right > distance + self.SAME
+        vote = np.where(late, 1.0 * to_left - 1.0 * to_right, vote)
         votes = np.clip(leg.votes + np.where(along, vote, 0.0), -self.MOST, self.MOST)
         side = self._side(leg._replace(votes=votes))
         end = WallEnd(*(np.where(side > 0.0, b, a) for a, b in zip(*ends, strict=True)))
         place = np.where(end.seen & (side != 0.0), np.clip(front, end.near, end.far), front) + ahead
         found = along & np.isfinite(place)
+        if "scan_new" in at:
+            found &= at["scan_new"] > 0.5
         share = np.where(leg.corner > 0.5 * _UNKNOWN, 1.0, 0.5)
         corner = np.where(found, leg.corner + share * (np.where(found, place, 0.0) - leg.corner), leg.corner)
         return leg._replace(corner=corner, corridor=corridor, votes=votes)
@@ -209,14 +212,14 @@ class KnightRidersCircuit(DrivingPolicy):
         # Angle still to turn, and way across to the next leg's lane: their arc.
         rear = distance - self._car.sensor * np.sin(heading)
         leaves = leg.phase == _LEAVES
-        left = np.where(leaves, 0.0, _RIGHT_ANGLE) - side * heading
+        turn = np.where(leaves, 0.0, _RIGHT_ANGLE) - side * heading
         across = np.where(leaves, side * (rear - wanted), leg.corner + inner)
-        needs = 1.0 - np.cos(left)
+        needs = 1.0 - np.cos(turn)
         tightest = np.tan(self._limit) / self._car.wheelbase
         curvature = np.clip(needs / np.maximum(across, 1e-3), 0.5 / self.RADIUS, tightest)
-        step = 0.5 * speed * self._car.step * np.cos(heading)
-        begins = (leg.phase == _WALL) & (side != 0.0) & (across - step <= self.RADIUS * needs)
-        ends = leaves & (left <= self.END)
+        half_step = 0.5 * speed * self._car.step * np.cos(heading)
+        begins = (leg.phase == _WALL) & (side != 0.0) & (across - half_step <= self.RADIUS * needs)
+        ends = leaves & (turn <= self.END)
         phase = np.where(begins, _ENTERS, np.where(ends, _WALL, leg.phase))
         arc = phase != _WALL
         # The cascade goes on from straight wheels where an arc ends.

@@ -73,7 +73,7 @@ class Policy(Protocol):
         episode_start: ArrayLike | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
-        """Return the actions (float32, last axis 1, or 2 with a speed) and the next state for one observation or a batch."""
+        """Return actions (float32, last axis 1 or, with a speed, 2) and the next state for one observation or more."""
         ...
 
 

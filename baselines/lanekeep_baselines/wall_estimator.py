@@ -2,8 +2,8 @@
 
 States: distance of the side sensor from the wall (m), heading away from it (rad), steering offset (what the road wheel
 has more than it is told, rad), bias of the yaw rate (rad/s). Inputs: speed and steering over the step that just ended;
-measurements: side distance along the sensor's axis and yaw rate. The report gives no filter: structure and noise are
-choices of this project.
+measurements: side distance in the ultrasonic's cone of 45 degrees and yaw rate. The report gives no filter: structure
+and noise are choices of this project.
 
 It is an extended filter with its covariance in the memory, row by row: the first seconds, when nothing is known of
 heading and biases, ask for other gains than later ones, and so does every speed. The distance makes heading and offset
@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.wall_design import WallCar
+
+#: Of the ultrasonic, rad: 45 degrees in all.
+HALF_CONE = float(np.deg2rad(22.5))
 
 #: A heading is not believed beyond this, rad: the side sensor sees no wall at such an angle.
 LARGEST_ESTIMATE = float(np.deg2rad(60.0))
@@ -51,14 +54,13 @@ class WallNoise:
 class WallFilter:
     """Estimates (distance, heading, steering offset, yaw-rate bias), row by row.
 
-    Its memory has 20 columns: the four estimates and their covariance, row after row. ``cone`` is half the angle (rad)
-    of a side sensor that shows the nearest point of a cone: up to that heading the distance itself.
+    Its memory has 20 columns: the four estimates and their covariance, row after row.
     """
 
     memory = 20
 
-    def __init__(self, car: WallCar, noise: WallNoise | None = None, cone: float = 0.0) -> None:
-        self._car, self._cone = car, cone
+    def __init__(self, car: WallCar, noise: WallNoise | None = None) -> None:
+        self._car = car
         self._noise = WallNoise() if noise is None else noise
 
     def update(
@@ -77,22 +79,22 @@ class WallFilter:
             fresh: rows that start: along the wall at the measured distance, without offset and bias.
             speed: mean over the step that ended, m/s, (n,); negative backwards.
             steering: what the road wheel was told over that step, rad, (n,).
-            side_distance: now, along the sensor's axis, m, (n,); NaN where there is none: then it corrects nothing.
+            side_distance: now, of the nearest wall in the sensor's cone, m, 0 without an echo, (n,).
             yaw_rate: of that step, rad/s, (n,).
         """
         states, covariance = memory.T[:4], memory.T[4:].reshape(4, 4, -1)
         states, covariance, slope = self._predict(states, covariance, speed, steering)
-        # Side distance y/cos(phi), with a cone from its edge on.
-        angle = np.copysign(np.maximum(np.abs(states[1]) - self._cone, 0.0), states[1])
-        cosine, tangent = np.cos(angle), np.tan(angle)
+        # The nearest point of the wall in the cone: straight across up to half its angle, along its rim beyond.
+        beyond = np.sign(states[1]) * np.maximum(np.abs(states[1]) - HALF_CONE, 0.0)
+        cosine, slant = np.cos(beyond), np.tan(beyond)
         seen = states[0] / cosine
-        toward = (covariance[:, 0] + states[0] * tangent * covariance[:, 1]) / cosine
-        spread = (toward[0] + states[0] * tangent * toward[1]) / cosine + self._noise.side_distance**2
+        toward = (covariance[:, 0] + states[0] * slant * covariance[:, 1]) / cosine
+        heard = side_distance > 0.0
+        spread = (toward[0] + states[0] * slant * toward[1]) / cosine + self._noise.side_distance**2
+        spread = np.where(heard, spread, np.inf)
         turned = (states[1] - memory[:, 1]) / self._car.step  # before the correction: the turn that was predicted
-        blind = np.isnan(side_distance)
-        toward = np.where(blind, 0.0, toward)
         gain = toward / spread
-        innovation = np.where(blind, 0.0, side_distance - seen)
+        innovation = np.where(heard, side_distance - seen, 0.0)
         states = states + gain * innovation
         covariance = covariance - toward[:, None] * toward[None] / spread
         # Yaw rate: that of the predicted turn, as the offset's correction changes it, plus the bias.

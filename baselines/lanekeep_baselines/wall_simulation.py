@@ -25,7 +25,7 @@ from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.wall_cascade import LARGEST_HEADING
 from lanekeep_baselines.wall_control import Cascade, Measured, Pd, Pi, PiState, PublishedCascade, WallControl
 from lanekeep_baselines.wall_design import PD_SENSOR, PD_SPEED, WallCar, misprinted_pd_design, pd_design
-from lanekeep_baselines.wall_estimator import WallFilter, WallNoise
+from lanekeep_baselines.wall_estimator import HALF_CONE, WallFilter, WallNoise
 
 VARIANTS = ("published", "as-driven", "si")
 CONTROLLERS = ("pi", "pi-state", "cascade", "cascade-delayed", "cascade-redesigned", "pd", "pd-misprinted")
@@ -190,7 +190,7 @@ def simulate_estimated(
     speeds, goal = np.array([speed]), np.array([wanted])
     rows: list[list[float]] = []
     for step in range(round(duration / car.step)):
-        side = distance / np.cos(heading) + distance_noise * rng.standard_normal(1)
+        side = distance / np.cos(np.maximum(np.abs(heading) - HALF_CONE, 0.0)) + distance_noise * rng.standard_normal(1)
         rate = turned / car.step + yaw_rate_bias + rate_noise * rng.standard_normal(1)
         known = estimator.update(known, step == 0, speeds, steering, side, rate)
         measured = Measured(speeds, known[:, 0], known[:, 1], (rate - known[:, 3]) * car.step)
