@@ -18,7 +18,6 @@ __all__ = ["Policy", "Scenario", "make", "names"]
 
 # Modules are imported when a policy is made: `pd` runs without python-control, and names() costs nothing.
 _POLICIES = {
-    "knightriders-circuit": "knightriders_circuit:KnightRidersCircuit",
     "pd": "pd:ProportionalDerivative",
     "pure-pursuit": "pure_pursuit:PurePursuit",
     "pure-pursuit-understeer": "pure_pursuit:PurePursuitUndersteer",
@@ -31,6 +30,7 @@ _POLICIES = {
     "yin-lqr-observer-printed": "yin:YinLqrObserverPrinted",
     "yin-lqr-observer": "yin:YinLqrObserver",
     "yin-lqr-feedforward": "yin:YinLqrFeedforward",
+    "knightriders-circuit": "knightriders_circuit:KnightRidersCircuit",
 }
 
 
