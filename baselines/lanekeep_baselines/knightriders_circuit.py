@@ -137,12 +137,13 @@ class KnightRidersCircuit(DrivingPolicy):
     ) -> Floats:
         """Return the filter's next memory, with the right wall's distance where that is the leg's wall.
 
-        It is, if it is about the expected one or both sides add up to the corridor.
+        It is, if it is about the expected one or both sides add up to the corridor, up to the inner wall's end: where
+        that is or may be the right one's, the cone would show its corner.
         """
         right, left, heading = at["distance_right"], at["distance_left"], memory[:, 1]
         same = np.abs(right - memory[:, 0] - way * np.sin(heading)) < self.SAME
         same |= (left > 0.0) & (np.abs(right + left - leg.corridor) < 0.5 * self.SAME)
-        passed = (self._side(leg) < 0.0) & (leg.corner - way < self._car.sensor)  # the sensor, the inner wall's end
+        passed = (self._side(leg) <= 0.0) & (leg.corner - way < self._car.sensor)
         shown = (right > 0.0) & same & (leg.phase != _ENTERS) & ~passed
         distance = np.where(shown | fresh, right, 0.0)  # 0 corrects nothing
         return self._filter.update(
@@ -173,6 +174,7 @@ class KnightRidersCircuit(DrivingPolicy):
         along, distance, heading = leg.phase == _WALL, known[:, 0], known[:, 1]
         right, left, corridor = at["distance_right"], at["distance_left"], leg.corridor
         straight = along & (np.abs(heading) < HALF_CONE) & (right > 0.0) & (left > 0.0)
+        straight &= leg.corner > self._car.sensor
         wider = np.where(straight, right + left - corridor, 0.0)
         corridor = corridor + np.where(np.abs(wider) < self.SAME, 0.2, 0.0) * wider
         ranges = self._reader.ranges(np.stack([at[channel] for channel in self._reader.channels]))
