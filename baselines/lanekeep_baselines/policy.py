@@ -54,6 +54,13 @@ class LaneScenario(Scenario, Protocol):
     def preview_interval(self) -> float: ...
 
 
+class DrivingScenario(Scenario, Protocol):
+    """What a controller that chooses its speed may know besides."""
+
+    @property
+    def max_speed(self) -> float: ...
+
+
 class Policy(Protocol):
     """Observations to actions, as in Stable-Baselines3."""
 
@@ -66,7 +73,7 @@ class Policy(Protocol):
         episode_start: ArrayLike | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
-        """Return the actions (float32, last axis 1) and the next state for one observation or a batch."""
+        """Return actions (float32, last axis 1 or, with a speed, 2) and the next state for one observation or more."""
         ...
 
 
@@ -132,7 +139,7 @@ class SteeringPolicy:
             deterministic: there is nothing random here; accepted for Stable-Baselines3's sake.
 
         Returns:
-            Actions, float32, (1,) or (n, 1); state, float64, or None for a policy without memory.
+            Actions, float32, (1,) or (n, 1), with a speed (2,) or (n, 2); state, float64, or None without memory.
 
         Raises:
             ValueError: an observation or a state of another shape.
@@ -154,9 +161,25 @@ class SteeringPolicy:
         if state is not None and episode_start is not None:
             fresh = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), (n,))
         command, following = self.command(at, memory, fresh)
-        if self._rate_mode:
-            command = command - at["steering_command"]
-        action = (command / self._scale).astype(np.float32)[:, None]
+        action = self._action(command, at).astype(np.float32)
         if single:
             return action[0], None if following is None else following[0]
         return action, following
+
+    def _action(self, command: Floats, at: Mapping[str, Floats]) -> Floats:
+        """Return what `command` asks for in the units of the action, (n, actions)."""
+        if self._rate_mode:
+            command = command - at["steering_command"]
+        return (command / self._scale)[:, None]
+
+
+class DrivingPolicy(SteeringPolicy):
+    """A controller that asks for a speed as well: `command` returns angle (rad) and set speed (m/s), (n, 2)."""
+
+    def __init__(self, scenario: DrivingScenario) -> None:
+        super().__init__(scenario)
+        self._fastest = scenario.max_speed
+
+    def _action(self, command: Floats, at: Mapping[str, Floats]) -> Floats:
+        steering = super()._action(command[:, 0], at)
+        return np.concatenate([steering, command[:, 1:] / self._fastest], axis=1)
