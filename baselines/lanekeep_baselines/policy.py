@@ -84,13 +84,21 @@ class SteeringPolicy:
         name: what `lanekeep_baselines.make` calls it.
         needs: channels that it reads.
         memory: numbers that it remembers from one step to the next, 0 for none.
+        actions: numbers of an action.
     """
 
     name: ClassVar[str]
     needs: ClassVar[tuple[str, ...]]
     memory: int = 0
+    actions: ClassVar[int] = 1
 
     def __init__(self, scenario: Scenario) -> None:
+        asked = getattr(scenario, "num_actions", 1)
+        if asked != self.actions:
+            raise ValueError(
+                f"policy {self.name!r} gives {self.actions} number(s) an action, the scenario asks for {asked}; "
+                "allowed: what names(scenario) lists"
+            )
         rate_mode = scenario.action == "steering_rate"
         self._columns = len(scenario.channels)
         order = {channel.name: i for i, channel in enumerate(scenario.channels)}
@@ -175,6 +183,8 @@ class SteeringPolicy:
 
 class DrivingPolicy(SteeringPolicy):
     """A controller that asks for a speed as well: `command` returns angle (rad) and set speed (m/s), (n, 2)."""
+
+    actions = 2
 
     def __init__(self, scenario: DrivingScenario) -> None:
         super().__init__(scenario)
