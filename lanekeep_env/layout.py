@@ -63,21 +63,23 @@ LAP_BEGAN = 47  # s
 LAP_TIME = 48  # of the last lap, s; 0 before
 CLEARANCE = 49  # distance of the body from the nearest wall, m
 BEFORE = 50  # x (m), y (m), heading (rad) and speed (m/s) at the start of the control step
+LAPS_DONE = 54  # in this episode
+BLOCKED = 55  # 1 where the start that was drawn or asked for lay in or beyond a wall, and the world's own was taken
 # Cars with a powertrain:
-PULL = 54  # longitudinal acceleration, m/s²
-PEDAL = 55  # asked for: throttle where positive, brake where negative, -1 to 1
-THROTTLE = 56  # 0 to 1
-BRAKE = 57  # 0 to 1
-GEAR = 58  # 0 for the first
-SHIFT = 59  # until the next gear change may follow, s
-SLOPE = 60  # sine of the road's rise
-WIND = 61  # headwind, m/s
-SET_SPEED = 62  # m/s
-LEAD_GAP = 63  # to the car ahead, m; FAR for none
-LEAD_SPEED = 64  # m/s
-STOP_GAP = 65  # to the stop point, m; FAR for none
-EVENT = 66  # number of the timeline's next event
-LANE_ROWS = 67  # further rows, as many as needed: commands (newest first), then the sensors' rows
+PULL = 56  # longitudinal acceleration, m/s²
+PEDAL = 57  # asked for: throttle where positive, brake where negative, -1 to 1
+THROTTLE = 58  # 0 to 1
+BRAKE = 59  # 0 to 1
+GEAR = 60  # 0 for the first
+SHIFT = 61  # until the next gear change may follow, s
+SLOPE = 62  # sine of the road's rise
+WIND = 63  # headwind, m/s
+SET_SPEED = 64  # m/s
+LEAD_GAP = 65  # to the car ahead, m; FAR for none
+LEAD_SPEED = 66  # m/s
+STOP_GAP = 67  # to the stop point, m; FAR for none
+EVENT = 68  # number of the timeline's next event
+LANE_ROWS = 69  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the lane (a uint64, reinterpreted)
@@ -173,7 +175,7 @@ GEAR_SIZE = 2
 # servo: (command quantum, 0 for none; then angles at commands from -max to +max, uniformly spaced), rad of the road
 # wheel, or None where the wheel goes where it is told
 
-# scan: (numbers, beams, scratch, fan, held) or None; numbers in this order:
+# scan: numbers, beams, scratch, fan and held, or None for each; numbers in this order:
 SCAN_FIRST = 0  # angle of the first beam from the car's axis, rad
 SCAN_STEP = 1
 SCAN_NEAREST = 2  # m

@@ -28,7 +28,7 @@ class LaneVecEnv(VecEnv):
         self.truth: dict[str, Any] = {}
         self._start: dict[str, np.ndarray] = {}
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
-        self._actions = np.zeros((num_envs, 1), dtype=np.float32)
+        self._actions = np.zeros((num_envs, *(self.action_space.shape or ())), dtype=np.float32)
 
     def reset(self) -> VecEnvObs:
         """Reset every lane; the seed of the last `seed` call is used once."""

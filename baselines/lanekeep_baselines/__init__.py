@@ -40,6 +40,7 @@ _POLICIES = {
     "yin-lqr-observer-printed": "yin:YinLqrObserverPrinted",
     "yin-lqr-observer": "yin:YinLqrObserver",
     "yin-lqr-feedforward": "yin:YinLqrFeedforward",
+    "knightriders-circuit": "knightriders_circuit:KnightRidersCircuit",
 }
 
 

@@ -54,6 +54,13 @@ class LaneScenario(Scenario, Protocol):
     def preview_interval(self) -> float: ...
 
 
+class DrivingScenario(Scenario, Protocol):
+    """What a controller that chooses its speed may know besides."""
+
+    @property
+    def max_speed(self) -> float: ...
+
+
 class Policy(Protocol):
     """Observations to actions, as in Stable-Baselines3."""
 
@@ -66,7 +73,7 @@ class Policy(Protocol):
         episode_start: ArrayLike | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
-        """Return the actions (float32, last axis 1) and the next state for one observation or a batch."""
+        """Return actions (float32, last axis 1 or, with a speed, 2) and the next state for one observation or more."""
         ...
 
 
@@ -77,13 +84,21 @@ class SteeringPolicy:
         name: what `lanekeep_baselines.make` calls it.
         needs: channels that it reads.
         memory: numbers that it remembers from one step to the next, 0 for none.
+        actions: numbers of an action.
     """
 
     name: ClassVar[str]
     needs: ClassVar[tuple[str, ...]]
     memory: int = 0
+    actions: ClassVar[int] = 1
 
     def __init__(self, scenario: Scenario) -> None:
+        asked = getattr(scenario, "num_actions", 1)
+        if asked != self.actions:
+            raise ValueError(
+                f"policy {self.name!r} gives {self.actions} number(s) an action, the scenario asks for {asked}; "
+                "allowed: what names(scenario) lists"
+            )
         rate_mode = scenario.action == "steering_rate"
         self._columns = len(scenario.channels)
         order = {channel.name: i for i, channel in enumerate(scenario.channels)}
@@ -132,7 +147,7 @@ class SteeringPolicy:
             deterministic: there is nothing random here; accepted for Stable-Baselines3's sake.
 
         Returns:
-            Actions, float32, (1,) or (n, 1); state, float64, or None for a policy without memory.
+            Actions, float32, (1,) or (n, 1), with a speed (2,) or (n, 2); state, float64, or None without memory.
 
         Raises:
             ValueError: an observation or a state of another shape.
@@ -154,9 +169,27 @@ class SteeringPolicy:
         if state is not None and episode_start is not None:
             fresh = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), (n,))
         command, following = self.command(at, memory, fresh)
-        if self._rate_mode:
-            command = command - at["steering_command"]
-        action = (command / self._scale).astype(np.float32)[:, None]
+        action = self._action(command, at).astype(np.float32)
         if single:
             return action[0], None if following is None else following[0]
         return action, following
+
+    def _action(self, command: Floats, at: Mapping[str, Floats]) -> Floats:
+        """Return what `command` asks for in the units of the action, (n, actions)."""
+        if self._rate_mode:
+            command = command - at["steering_command"]
+        return (command / self._scale)[:, None]
+
+
+class DrivingPolicy(SteeringPolicy):
+    """A controller that asks for a speed as well: `command` returns angle (rad) and set speed (m/s), (n, 2)."""
+
+    actions = 2
+
+    def __init__(self, scenario: DrivingScenario) -> None:
+        super().__init__(scenario)
+        self._fastest = scenario.max_speed
+
+    def _action(self, command: Floats, at: Mapping[str, Floats]) -> Floats:
+        steering = super()._action(command[:, 0], at)
+        return np.concatenate([steering, command[:, 1:] / self._fastest], axis=1)

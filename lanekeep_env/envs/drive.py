@@ -17,8 +17,8 @@ class DriveEnv(LaneKeepEnv):
 
     ## Action Space
 
-    `Box(-1, 1, (2,), float32)`: the road-wheel angle asked for, 1 = `max_steering_angle` (0.5 rad), left positive, and the
-    pedal: throttle where positive, brake where negative, 1 = full.
+    `Box(-1, 1, (2,), float32)`: the road-wheel angle asked for, 1 = `max_steering_angle` (0.5 rad), left positive, and
+    the pedal: throttle where positive, brake where negative, 1 = full.
 
     ## Observation Space
 
@@ -35,9 +35,9 @@ class DriveEnv(LaneKeepEnv):
 
     ## Rewards
 
-    As `lanekeep/LaneKeep-v0`, and the squared speed error over 2 m/s against the least of the set speed, a time gap of 1.5 s
-    behind 4 m to the car ahead, and what brakes with 1.7 m/s² to the stop point. Meeting the car ahead costs the cap
-    for the rest of `episode_steps`, as leaving the lane does.
+    As `lanekeep/LaneKeep-v0`, and the squared speed error over 2 m/s against the least of the set speed, a time gap of
+    1.5 s behind 4 m to the car ahead, and what brakes with 1.7 m/s² to the stop point. Meeting the car ahead costs the
+    cap for the rest of `episode_steps`, as leaving the lane does.
 
     ## Starting State
 

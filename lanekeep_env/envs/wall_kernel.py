@@ -14,7 +14,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, kernel
 from lanekeep_env.envs.delay import acting_row, delay_commands
 from lanekeep_env.envs.road_start import set_speeds
-from lanekeep_env.envs.wall_start import locate, look_around, servo_angle, start_between_walls
+from lanekeep_env.envs.wall_start import follow, look_around, servo_angle, start_between_walls
 from lanekeep_env.physics.integrate import (
     advance_kinematic_paced,
     advance_linear_paced,
@@ -70,14 +70,23 @@ def _command(k, lanes, counters, settings, servo, action):
 
 
 @helper
+def _measure_clearance(i, lanes, walls, first, last, settings, scratch):
+    """Write how far lane i's body is from the nearest wall."""
+    middle, half_length, half_width = settings[at.BODY], settings[at.BODY + 1], settings[at.BODY + 2]
+    sine, cosine = sin_cos(lanes[at.HEADING, i])
+    x, y = lanes[at.ALONG, i] + middle * cosine, lanes[at.LATERAL, i] + middle * sine
+    lanes[at.CLEARANCE, i] = clearance(x, y, cosine, sine, half_length, half_width, walls, first, last, scratch)
+
+
+@helper
 def _touch(i, lanes, walls, first, last, settings, scratch):
     """Whether lane i's body touched a wall in this control step; writes its clearance."""
+    _measure_clearance(i, lanes, walls, first, last, settings, scratch)
     middle, half_length, half_width = settings[at.BODY], settings[at.BODY + 1], settings[at.BODY + 2]
     sine0, cosine0 = sin_cos(lanes[at.BEFORE + 2, i])
     sine, cosine = sin_cos(lanes[at.HEADING, i])
     x0, y0 = lanes[at.BEFORE, i] + middle * cosine0, lanes[at.BEFORE + 1, i] + middle * sine0
     x, y = lanes[at.ALONG, i] + middle * cosine, lanes[at.LATERAL, i] + middle * sine
-    lanes[at.CLEARANCE, i] = clearance(x, y, cosine, sine, half_length, half_width, walls, first, last, scratch)
     return sweeps(x0, y0, cosine0, sine0, x, y, cosine, sine, half_length, half_width, walls, first, last, scratch)
 
 
@@ -90,7 +99,10 @@ def _count(i, lanes, settings):
     signless = settings[at.SIGNLESS] > 0.0
     speed = v
     if tick > 0.0:
-        way = lanes[at.WAY, i] + half * (v + lanes[at.BEFORE + 3, i]) * seconds
+        # The speed rose or fell evenly, and then stood for the rest of the step.
+        before, change = lanes[at.BEFORE + 3, i], settings[at.SPEED_CHANGE]
+        ramp = abs(v - before) * settings[at.STEP_TIME] / (change if change > 0.0 else like(change, 1.0))
+        way = lanes[at.WAY, i] + v * seconds - half * (v - before) * smaller(ramp, seconds)
         # Counted in ticks of the present wheel's turn, so that float32 stays exact on long ways.
         ticks = np.floor(way / tick)
         speed = (ticks - lanes[at.TICKS, i]) * tick / seconds
@@ -131,16 +143,14 @@ def _follow_line(i, lanes, counters, worlds, settings):
     heading = lanes[at.HEADING, i]
     if points > 1:
         closed = index[which, at.I_CLOSED] > 0
-        begin = counters[at.SEGMENT, i]
-        segment, station, aside, cosine, sine = locate(
+        segment, station, aside, cosine, sine = follow(
             np.float64(lanes[at.ALONG, i]),
             np.float64(lanes[at.LATERAL, i]),
             line,
             index[which, at.I_LINE],
             points,
             closed,
-            begin - 8,
-            begin + 9,
+            counters[at.SEGMENT, i],
         )
         counters[at.SEGMENT, i] = segment
         step = station - np.float64(lanes[at.STATION, i])
@@ -169,8 +179,11 @@ def _lap(i, progress, lanes, counters, worlds, settings):
     before = lanes[at.PROGRESS, i]
     lanes[at.PROGRESS, i] = before + progress
     laps = np.floor(lanes[at.PROGRESS, i] / length)
-    if progress > 0.0 and laps > np.floor(before / length) and laps >= 1.0:
-        share = (laps * length - before) / progress
+    if index[which, at.I_CLOSED] == 0:  # stations end with the line: sums of progress reach its length by chance
+        laps = like(progress, 1.0 if lanes[at.STATION, i] >= length * like(progress, 1.0 - 1e-6) else 0.0)
+    if progress > 0.0 and laps > lanes[at.LAPS_DONE, i]:  # a line that is crossed back and forth counts once
+        lanes[at.LAPS_DONE, i] = laps
+        share = smaller((laps * length - before) / progress, like(progress, 1.0))
         now = (lanes[at.STEP, i] - like(progress, 1.0) + share) * seconds
         lanes[at.LAP_TIME, i] = now - lanes[at.LAP_BEGAN, i]
         lanes[at.LAP_BEGAN, i] = now
@@ -194,6 +207,7 @@ def _drive(i, lanes, counters, worlds, settings, outcome, block):
         lanes[at.ALONG, i], lanes[at.LATERAL, i] = lanes[at.BEFORE, i], lanes[at.BEFORE + 1, i]
         lanes[at.HEADING, i] = lanes[at.BEFORE + 2, i]
         lanes[at.SPEED, i] = lanes[at.YAW_RATE, i] = lanes[at.SIDESLIP, i] = lanes[at.ACCELERATION, i] = zero
+        _measure_clearance(i, lanes, walls, first, last, settings, scratch)
     _count(i, lanes, settings)
     look_around(i, lanes, walls, first, last, settings, scratch)
     progress, lateral, heading = _follow_line(i, lanes, counters, worlds, settings)
@@ -227,8 +241,11 @@ def _drive(i, lanes, counters, worlds, settings, outcome, block):
 
 
 @helper
-def _observe(i, lane, lanes, counters, worlds, settings, sensors, scan, outcome, observation, block):
-    """Write the observation of lane i, ``lane`` in the environment; the order is that of the scenario's channels."""
+def _observe(i, lane, lanes, counters, worlds, settings, sensors, numbers, scan, outcome, observation, block):
+    """Write the observation of lane i, ``lane`` in the environment; the order is that of the scenario's channels.
+
+    ``numbers`` is the scan's first array, or None without a scan: known when this is compiled.
+    """
     walls, index, _, _, _ = worlds
     channel = SCALAR_CHANNELS - 1
     place = at.BOUNDS + 2 * channel
@@ -239,7 +256,7 @@ def _observe(i, lane, lanes, counters, worlds, settings, sensors, scan, outcome,
         observation[i, channel] = clip(lanes[at.SPEED_TARGET, i], settings[place], settings[place + 1])
         channel += 1
     renewed = False
-    if scan is not None:
+    if numbers is not None:
         which = counters[at.ROAD, i]
         sine, cosine = sin_cos(lanes[at.HEADING, i])
         x = lanes[at.ALONG, i] + settings[at.FRONT_ARM] * cosine
@@ -257,7 +274,7 @@ def _observe(i, lane, lanes, counters, worlds, settings, sensors, scan, outcome,
         observation[i, channel + 2] = clip(lanes[at.CLEARANCE, i], settings[place + 4], settings[place + 5])
         observation[i, channel + 3] = clip(lanes[at.STEER_OFFSET, i], settings[place + 6], settings[place + 7])
         channel += 4
-    if scan is not None and scan[0][at.SCAN_PERIOD] > 1.0:
+    if numbers is not None and numbers[at.SCAN_PERIOD] > 1.0:
         observation[i, channel] = 1.0 if renewed else 0.0
     measure(i, lanes, counters, settings, sensors, observation)
 
@@ -267,7 +284,7 @@ def _start(
     i, lane, lateral, heading, place, world, lanes, counters, worlds, settings, equipment, observation, outcome, block
 ):
     """Start the next episode of a lane: state, truth and observation."""
-    sensors, _, servo, scan = equipment
+    sensors, _, servo, numbers, beams, rows, fan, held = equipment
     walls, index, _, _, scratch = worlds
     counters[at.EPISODE, i] += 1
     start_between_walls(i, lateral, heading, place, world, lanes, counters, worlds, settings, servo, block)
@@ -279,7 +296,8 @@ def _start(
     outcome[at.O_COST, i] = zero
     _, aside, turned = _follow_line(i, lanes, counters, worlds, settings)
     _report(i, aside, turned, lanes, outcome)
-    _observe(i, lane, lanes, counters, worlds, settings, sensors, scan, outcome, observation, block)
+    scan = (numbers, beams, rows, fan, held)
+    _observe(i, lane, lanes, counters, worlds, settings, sensors, numbers, scan, outcome, observation, block)
 
 
 @helper
@@ -288,14 +306,15 @@ def _finish(k, lanes, counters, worlds, settings, equipment, observation, outcom
     begin = k * lanes.shape[2]
     end = min(begin + lanes.shape[2], counters.shape[1])
     block, counted, told, seen = lanes[k], counters[:, begin:end], outcome[:, begin:end], observation[begin:end]
-    sensors, _, _, scan = equipment
+    sensors, _, _, numbers, beams, rows, fan, held = equipment
+    scan = (numbers, beams, rows, fan, held)
     mode = np.int64(settings[at.AUTORESET])
     zero, one, nan = like(block[0, 0], 0.0), like(block[0, 0], 1.0), np.nan
     for i in range(end - begin):
         _drive(i, block, counted, worlds, settings, told, k)
         over = block[at.DONE, i] > zero
         if mode != at.NEXT_STEP or not over:
-            _observe(i, begin + i, block, counted, worlds, settings, sensors, scan, told, seen, k)
+            _observe(i, begin + i, block, counted, worlds, settings, sensors, numbers, scan, told, seen, k)
         starts = False
         if over:
             told[at.O_REWARD, i] = zero  # the episode is over; its end was paid for
@@ -316,12 +335,13 @@ def _finish(k, lanes, counters, worlds, settings, equipment, observation, outcom
 
 
 # One kernel a vehicle model. ``worlds`` is (walls, index, centre lines, starts, scratch), ``equipment`` (sensors, gear,
-# servo, scan), the last three None where the scenario has none.
+# servo, and five arrays of the scan), all but the first None where the scenario has none; flat, since numba's threads
+# take no tuple within a tuple.
 
 
 @kernel()
 def step_kinematic(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    _, gear, servo, _ = equipment
+    gear, servo = equipment[1], equipment[2]
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, servo, action)):
@@ -332,7 +352,7 @@ def step_kinematic(begin, end, lanes, counters, worlds, settings, equipment, act
 
 @kernel()
 def step_linear(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    _, gear, servo, _ = equipment
+    gear, servo = equipment[1], equipment[2]
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, servo, action)):

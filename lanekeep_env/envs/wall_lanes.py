@@ -31,6 +31,18 @@ def world_set(world: WorldRecord, fingerprint: str) -> tuple[World, ...]:
 
 
 @functools.lru_cache(maxsize=16)
+def check_bodies(world: WorldRecord, fingerprint: str, middle: float, length: float, width: float) -> None:
+    """Raise ValueError for a start at which a body of that size, ``middle`` m ahead of the pose, touches a wall."""
+    for one in world_set(world, fingerprint):
+        for x, y, heading in one.start:
+            if one.touches(x + middle * math.cos(heading), y + middle * math.sin(heading), heading, length, width):
+                raise ValueError(
+                    f"world {one.name!r}: the car, {length:g} m long and {width:g} m wide, touches a wall at the start "
+                    f"({x:.3f}, {y:.3f}) m, {heading:.3f} rad"
+                )
+
+
+@functools.lru_cache(maxsize=16)
 def world_tables(world: WorldRecord, fingerprint: str, dtype: str) -> tuple[np.ndarray, ...]:
     """Return the kernel's tables of a world set: walls, index, centre lines and starts (see `layout`)."""
     worlds = world_set(world, fingerprint)
@@ -68,6 +80,9 @@ class WallLanes:
         autoreset: int = at.NO_AUTORESET,
         max_steps: int | None = None,
     ) -> None:
+        front, rear = scenario.axles
+        car = scenario.vehicle
+        check_bodies(scenario.world, scenario.world.fingerprint(), 0.5 * (front - rear), car.length, car.width)
         self.scenario = scenario
         self.dtype = dtype
         self.num_lanes = num_lanes
@@ -100,7 +115,7 @@ class WallLanes:
         gear = None
         if steering.backlash > 0.0:
             gear = np.array([steering.backlash / 2, steering.feedback == "motor"], dtype=self.dtype)
-        self.equipment = self.sensors, gear, s.servo.table(self._limit()), self._scan(scratch)
+        self.equipment = self.sensors, gear, s.servo.table(self._limit()), *self._scan(scratch)
         model = int(self.settings[at.MODEL])
         self.step = wall_kernel.STEP[model]
         self.step_parallel = wall_kernel.STEP_PARALLEL[model]
@@ -186,12 +201,12 @@ class WallLanes:
         ]
         return np.array(rows, dtype=self.dtype)
 
-    def _scan(self, scratch: np.ndarray) -> tuple[np.ndarray, ...] | None:
-        """The scan's numbers, beams, scratch arrays and the ranges shown last, or None without a scan."""
+    def _scan(self, scratch: np.ndarray) -> tuple[np.ndarray | None, ...]:
+        """The scan's numbers, beams, scratch arrays and the ranges shown last, or None for each without a scan."""
         s = self.scenario
         scan = s.scan
         if scan.beams == 0:
-            return None
+            return (None,) * 5
         numbers = np.zeros(at.SCAN_SIZE, dtype=self.dtype)
         numbers[at.SCAN_FIRST], numbers[at.SCAN_STEP] = -0.5 * scan.field_of_view, scan.step
         numbers[at.SCAN_NEAREST], numbers[at.SCAN_FARTHEST] = scan.nearest, scan.farthest
@@ -220,6 +235,13 @@ class WallLanes:
         """Start the next episode of the lanes in ``mask`` (bool, (n,)), writing their observations and truth."""
         start = self._start(options) if options else self._free_start
         wall_kernel.reset(mask, start, *self.state, observation, outcome)
+        if options and not options.keys().isdisjoint(START_OPTIONS[:2]):
+            blocked = np.flatnonzero(mask & (self.lanes[:, at.BLOCKED].reshape(-1)[: self.num_lanes] > 0.0))
+            if len(blocked):
+                asked = ", ".join(f"{key}={options[key]!r}" for key in START_OPTIONS if key in options)
+                raise ValueError(
+                    f"reset options {asked}: the car of lane {blocked[0]} would stand in or beyond a wall there"
+                )
 
     def _start(self, options: dict[str, Any]) -> np.ndarray:
         start = np.full((at.START_ROWS, self.num_lanes), np.nan)

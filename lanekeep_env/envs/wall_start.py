@@ -18,7 +18,7 @@ from lanekeep_env.envs.road_start import (
 from lanekeep_env.physics.numeric import like, sin_cos
 from lanekeep_env.randomness import derive, uniform
 from lanekeep_env.sensing.ultrasonic import cone_distance
-from lanekeep_env.walls.contact import touches
+from lanekeep_env.walls.contact import sweeps, touches
 
 #: Counter of the steering offset's draw, behind those of the car.
 DRAW_OFFSET = np.int64(64)
@@ -54,6 +54,28 @@ def locate(x, y, line, first, count, closed, begin, end):
             best, found = distance, segment
             station, lateral = line[2, a] + along, ex * dy - ey * dx
             cosine, sine = ex, ey
+    return found, station, lateral, cosine, sine
+
+
+@helper
+def follow(x, y, line, first, count, closed, segment):
+    """`locate` near the segment where a car was last; further off as long as it is nearest at the search's edge."""
+    reach = np.int64(8)
+    found, station, lateral, cosine, sine = locate(
+        x, y, line, first, count, closed, segment - reach, segment + reach + 1
+    )
+    while reach < count:
+        if closed:
+            moved = (found - segment) % (count - 1)
+            moved = min(moved, count - 1 - moved)
+        else:
+            moved = abs(found - segment)
+        if moved < reach:
+            break
+        reach *= 2
+        found, station, lateral, cosine, sine = locate(
+            x, y, line, first, count, closed, segment - reach, segment + reach + 1
+        )
     return found, station, lateral, cosine, sine
 
 
@@ -106,11 +128,27 @@ def start_between_walls(i, lateral, heading, start, world, lanes, counters, worl
     lanes[at.ALONG, i] = x
     lanes[at.LATERAL, i] = y
     lanes[at.HEADING, i] = direction
-    look_around(i, lanes, walls, first, last, settings, scratch)
     if settings[at.TASK] == at.WALL_FOLLOW:
-        # The side sensor is what shall be at the distance, whatever the heading.
-        right = np.float64(lanes[at.RIGHT, i])
-        lateral += settings[at.SET_DISTANCE] - (FARTHEST if np.isnan(right) else right)
+        # The side sensor is what shall be at the distance, whatever the heading. In a narrow cone: in the sensor's
+        # own there may be another wall nearer than the one on the right, or none in its range.
+        sine, cosine = sin_cos(lanes[at.HEADING, i])
+        none, far = like(sine, 0.0), like(sine, np.inf)
+        right = np.float64(
+            cone_distance(
+                lanes[at.ALONG, i],
+                lanes[at.LATERAL, i],
+                sine,
+                -cosine,
+                like(sine, 0.01),
+                none,
+                far,
+                walls,
+                first,
+                last,
+                scratch,
+            )
+        )
+        lateral += settings[at.SET_DISTANCE] - (FARTHEST if np.isinf(right) else right)
         lateral -= settings[at.SIDE_ARM] * np.sin(heading)
     x, y = x - lateral * np.sin(direction), y + lateral * np.cos(direction)
     angle = direction + heading
@@ -127,6 +165,24 @@ def start_between_walls(i, lateral, heading, start, world, lanes, counters, worl
         first,
         last,
     )
+    # Nor may a wall stand between it and the world's own start: beyond it lies another room, or none.
+    blocked = blocked or sweeps(
+        like(zero, starts[0, place]),
+        like(zero, starts[1, place]),
+        like(zero, cosine),
+        like(zero, sine),
+        like(zero, x),
+        like(zero, y),
+        like(zero, cosine),
+        like(zero, sine),
+        zero,
+        zero,
+        walls,
+        first,
+        last,
+        scratch,
+    )
+    lanes[at.BLOCKED, i] = like(zero, 1.0) if blocked else zero
     if not blocked:  # else the start of the world itself, which is free
         lanes[at.ALONG, i] = x
         lanes[at.LATERAL, i] = y
@@ -151,7 +207,7 @@ def start_between_walls(i, lateral, heading, start, world, lanes, counters, worl
         lanes[at.LANE_ROWS + row, i] = steer
     for row in (at.COMMAND, at.SIDESLIP, at.STEP, at.DONE, at.DEPARTED, at.WAY, at.TICKS, at.PROGRESS):
         lanes[row, i] = zero
-    for row in (at.LAP_BEGAN, at.LAP_TIME):
+    for row in (at.LAP_BEGAN, at.LAP_TIME, at.LAPS_DONE):
         lanes[row, i] = zero
     yaw_rate = v * np.tan(steer) / np.float64(lanes[at.CAR, i] + lanes[at.CAR + 1, i])
     lanes[at.YAW_RATE, i] = yaw_rate

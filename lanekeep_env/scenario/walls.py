@@ -22,6 +22,9 @@ from lanekeep_env.walls import Corridor, RandomCircuits, WorldRecord, world_from
 #: Range of an ultrasonic sensor, m, and half the angle of its cone, rad (Team KnightRiders 2017).
 ULTRASONIC = (0.03, 6.0, math.radians(22.5))
 
+#: Largest angle of the road wheel, whatever it is told, rad.
+LARGEST_ANGLE = 1.5
+
 
 @dataclass(frozen=True)
 class Servo:
@@ -231,6 +234,7 @@ class WallFollowScenario(ScenarioRecord):
         choose("action", self.action, ("steering_angle", "steering_rate"))
         require("max_steering_angle", self.max_steering_angle, "rad", above=0.0, at_most=1.5)
         require("max_steering_rate", self.max_steering_rate, "rad/s", above=0.0)
+        self._check_angles()
         require("set_distance", self.set_distance, "m", above=0.0, at_most=ULTRASONIC[1])
         require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0)
         require("start_heading_error", self.start_heading_error, "rad", at_least=0.0, at_most=math.pi)
@@ -250,6 +254,18 @@ class WallFollowScenario(ScenarioRecord):
             sensor.check(channel, self.control_step)
         multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay, self.integration_step)
         multiple_of_step("scan.period", self.scan.period, self.control_step)
+
+    def _check_angles(self) -> None:
+        """Command, servo and offset together must leave the wheel short of standing across."""
+        most = min(self.max_steering_angle, self.vehicle.steering.angle_limit or math.inf)
+        servo = self.servo.table(most)
+        largest = most if servo is None else float(np.abs(servo[1:]).max())
+        offset = max(map(abs, self.steering_offset))
+        if largest + offset > LARGEST_ANGLE:
+            raise ValueError(
+                f"steering_offset={self.steering_offset!r} is not allowed: with the steering angle of {largest:g} rad "
+                f"it must be <= {LARGEST_ANGLE} rad in all"
+            )
 
     @property
     def model(self) -> int:

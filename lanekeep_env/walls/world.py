@@ -104,6 +104,15 @@ class World:
         share = np.clip(((point - start) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
         return float(np.hypot(*(point - start - share[:, None] * along).T).min())
 
+    def touches(self, x: float, y: float, heading: float, length: float, width: float) -> bool:
+        """Whether a rectangle around a point (m) with a heading (rad) and a size (m) touches a wall."""
+        turn = np.array([[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]])
+        a, b = (self.segments[:, :2] - (x, y)) @ turn, (self.segments[:, 2:] - (x, y)) @ turn
+        e = np.abs(b - a)
+        apart = (np.abs(a + b) > np.array([length, width]) + e).any(axis=1)
+        across = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) > 0.5 * (length * e[:, 1] + width * e[:, 0])
+        return bool((~(apart | across)).any())
+
     def way_out(self, x: float, y: float) -> float | None:
         """Direction (rad) of a ray from a point (m) that meets no wall, glass included; None if all are met.
 

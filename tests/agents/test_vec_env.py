@@ -22,7 +22,7 @@ def test_lanes_are_the_single_environments(name):
     rng = np.random.default_rng(0)
     endings = {True: 0, False: 0}
     for _ in range(80):
-        actions = rng.uniform(-0.4, 0.4, (lanes, 1)).astype(np.float32)
+        actions = rng.uniform(-0.4, 0.4, (lanes, *venv.action_space.shape)).astype(np.float32)
         observation, rewards, dones, infos = venv.step(actions)
         for i, env in enumerate(singles):
             alone, reward, terminated, truncated, info = env.step(actions[i])

@@ -10,7 +10,7 @@ import pytest
 
 import lanekeep_baselines
 from lanekeep_baselines.wall_simulation import simulate
-from lanekeep_env import WallFollowScenario
+from lanekeep_env import CircuitScenario, WallFollowScenario
 
 CORRIDOR = {"kind": "corridor", "length": 120.0, "width": 4.0}
 OFFSET = math.radians(3.0)
@@ -121,3 +121,38 @@ def test_the_heading_has_to_be_measured() -> None:
     with pytest.raises(ValueError, match="heading_error"):
         lanekeep_baselines.make("knightriders-cascade", WallFollowScenario())
     assert "knightriders-cascade-kalman" in lanekeep_baselines.names(WallFollowScenario())
+
+
+WALL = WallFollowScenario(observation="full")
+POLICIES = {n: lanekeep_baselines.make(n, WALL) for n in lanekeep_baselines.names(WALL) if n.startswith("knightriders")}
+
+
+@pytest.mark.parametrize("name", POLICIES)
+def test_rows_are_independent_and_nothing_is_remembered_but_in_the_state(name: str) -> None:
+    """Ten steps of random readings, some without an echo: 50 rows at once and one by one, to the last bit."""
+    random = np.random.default_rng(3)
+    steps, rows = 10, 50
+    seen = random.normal(size=(steps, rows, len(WALL.channels))) * 0.2
+    seen[..., :3] = random.uniform(0.3, 3.0, size=(steps, rows, 3)) * (random.random((steps, rows, 3)) < 0.9)
+    seen[..., 4] = random.uniform(0.0, 2.0, size=(steps, rows))
+    policy = POLICIES[name]
+    seen = seen.astype(np.float32)
+    state = None
+    alone: list = [None] * rows
+    for step in range(steps):
+        before = None if state is None else state.copy()
+        action, following = policy.predict(seen[step], state)
+        assert action.shape == (rows, 1) and np.isfinite(action).all()
+        if state is not None:
+            np.testing.assert_array_equal(state, before)
+        for row in range(0, rows, 7):
+            one, alone[row] = policy.predict(seen[step, row], alone[row])
+            assert one.tobytes() == action[row].tobytes() and alone[row].tobytes() == following[row].tobytes()
+        state = following
+
+
+def test_a_policy_is_for_as_many_actions_as_it_gives() -> None:
+    assert lanekeep_baselines.names(CircuitScenario()) == ("knightriders-circuit",)
+    assert "knightriders-circuit" not in lanekeep_baselines.names(WALL)
+    with pytest.raises(ValueError, match="the scenario asks for 2"):
+        lanekeep_baselines.make("knightriders-pi", CircuitScenario())

@@ -159,7 +159,8 @@ def test_copies_and_pickles(name: str) -> None:
 
 
 def test_every_policy_has_its_scenario() -> None:
-    assert sorted(SCENARIOS) == sorted(lanekeep_baselines.names())
+    between_walls = {name for name in lanekeep_baselines.names() if name.startswith("knightriders")}
+    assert set(SCENARIOS) == set(lanekeep_baselines.names()) - between_walls
     assert not set(lanekeep_baselines.names(SCENARIO)) & set(lanekeep_baselines.names(CAMERA))
 
 

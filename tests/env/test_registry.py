@@ -63,12 +63,44 @@ BY_CAMERA = {
     "plan": [4],
     "plan_spacing": [0.7],
 }
+BETWEEN_WALLS = {
+    **{key: ON_A_ROAD[key] for key in ("action", "observation", "randomisation", "dtype", "episode_steps")},
+    **{key: ON_A_ROAD[key] for key in ("cost_weight", "cost_cap", "max_steering_angle")},
+    "vehicle": [
+        "pses",
+        {
+            "base": "knightriders",
+            "mass": 6.0,
+            "steering": {"lag": 0.05, "delay": 0.02, "backlash": 0.02, "feedback": "motor"},
+        },
+    ],
+    "dynamics": ["dynamic"],
+    "world": [{"kind": "circuit", "corridor": 1.5, "glass_share": 0.3}, {"kind": "random-circuits", "count": 3}],
+    "speed": [0.5, {"minimum": 0.5, "maximum": 3.0, "hold": 0.9, "standstill": 0.2}],
+    "max_steering_rate": [1.0],
+    "steering_offset": [0.02, (-0.1, 0.03)],
+    "servo": [{"left": 0.35, "right": 0.3, "ticks": 50}, {"angles": (-0.35, -0.2, 0.03, 0.1, 0.3)}],
+    "set_distance": [0.7],
+    "start_lateral_error": [0.05],
+    "start_heading_error": [0.2],
+    "contact": ["cost", "off"],
+    "reference_lateral_error": [0.2],
+    "reference_steering_rate": [1.0],
+    "scan": ["kinect", {"beams": 9, "noise": 0.02, "jump_errors": 0.5, "period": 0.09}],
+    "encoder_ticks": [40],
+    "encoder_direction": [False],
+    "sensors": ["poor", {"yaw_rate": {"bias": 0.05, "delay": 0.09}}],
+    "control_step": [0.03],
+}
+IN_A_CIRCUIT = {**BETWEEN_WALLS, "max_speed": [1.0], "max_acceleration": [1.0], "laps": [2]}
 #: Every option of an id with a value beside its default.
 OPTIONS = {
     "lanekeep/LaneKeep-v0": ON_A_ROAD,
     "lanekeep/RoadWorks-v0": ON_A_ROAD,
     "lanekeep/CameraLane-v0": BY_CAMERA,
     "lanekeep/TurnOff-v0": BY_CAMERA,
+    "lanekeep/WallFollow-v0": BETWEEN_WALLS,
+    "lanekeep/Circuit-v0": IN_A_CIRCUIT,
 }
 
 

@@ -27,12 +27,12 @@ def car_pixels(frame):
 def test_frames_of_single_and_vector_environments(name):
     env = gym.make(name, render_mode="rgb_array")
     env.reset(seed=0)
-    env.step(np.zeros(1, np.float32))
+    env.step(np.zeros(env.action_space.shape, np.float32))
     frame = env.render()
     assert frame.shape == (road_picture.HEIGHT, road_picture.WIDTH, 3) and frame.dtype == np.uint8
     vector = gym.make_vec(name, 3, "vector_entry_point", render_mode="rgb_array")
     vector.reset(seed=0)
-    vector.step(np.zeros((3, 1), np.float32))
+    vector.step(np.zeros(vector.action_space.shape, np.float32))
     frames = vector.render()
     assert len(frames) == 3
     np.testing.assert_array_equal(frames[0], frame)

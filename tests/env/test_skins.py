@@ -10,6 +10,9 @@ import lanekeep_env  # noqa: F401
 
 ID = "lanekeep/LaneKeep-v0"
 CAMERA, TURN_OFF = "lanekeep/CameraLane-v0", "lanekeep/TurnOff-v0"
+WALL, CIRCUIT = "lanekeep/WallFollow-v0", "lanekeep/Circuit-v0"
+NARROW = {"kind": "random-circuits", "count": 5, "widest": 1.5, "glass_share": 0.3}
+FAULTY_SCAN = {"beams": 23, "noise": 0.01, "missing_every": 7, "missing_rim": 1, "jump_errors": 0.5, "period": 0.09}
 YARD = {"kind": "yard", "count": 8}
 VARIANTS = [
     (ID, {}),
@@ -23,14 +26,23 @@ VARIANTS = [
     (CAMERA, {"road": YARD, "randomisation": "stress", "sensors": "poor", "camera": {"edge": "left"}, "plan": 0}),
     (CAMERA, {"vehicle": {"base": "van", "steering": {"lag": 0.2, "delay": 0.05}}, "departure": "cost"}),
     (TURN_OFF, {"sensors": "production"}),
+    (WALL, {"servo": {"left": 0.35, "ticks": 50}, "start_heading_error": 0.6}),
+    (WALL, {"world": NARROW, "sensors": "poor", "scan": FAULTY_SCAN, "encoder_ticks": 8, "encoder_direction": False}),
+    (WALL, {"dynamics": "dynamic", "randomisation": "stress", "action": "steering_rate", "speed": {"hold": 0.9}}),
+    (WALL, {"vehicle": {"base": "knightriders", "steering": {"lag": 0.05, "delay": 0.07}}, "contact": "cost"}),
+    (CIRCUIT, {"world": NARROW, "sensors": "production", "scan": "kinect", "encoder_ticks": 40}),
+    (CIRCUIT, {"world": NARROW, "dynamics": "dynamic", "randomisation": "stress", "observation": "full"}),
 ]
 #: Ids whose vector form is compared over numbers of lanes and threads.
 MANY = [(ID, {}), (CAMERA, {"road": YARD, "sensors": "poor", "speed": {"hold": 0.4}})]
+MANY += [(CIRCUIT, {"world": NARROW, "sensors": "poor", "scan": FAULTY_SCAN, "encoder_ticks": 8})]
 
 
-def gentle(rng, steps, lanes, spread=0.15):
-    """Actions that keep some lanes on the road and lose others."""
-    return np.clip(rng.normal(0, spread, (steps, lanes, 1)), -1, 1).astype(np.float32)
+def gentle(rng, steps, env, spread=0.15):
+    """Actions that keep some lanes on the road and lose others; a second one asks for speed."""
+    actions = rng.normal(0, spread, (steps, *env.action_space.shape))
+    actions[..., 1:] += 0.7
+    return np.clip(actions, -1, 1).astype(np.float32)
 
 
 @pytest.mark.parametrize("mode", ["next_step", "same_step"])
@@ -47,7 +59,7 @@ def test_lanes_equal_single_environments_bitwise(name, keywords, mode):
         assert {k: infos[k][i] for k in info} == info
     over = np.zeros(lanes, dtype=bool)
     ended = 0
-    for actions in gentle(np.random.default_rng(7), steps, lanes):
+    for actions in gentle(np.random.default_rng(7), steps, vector):
         observation, rewards, terminated, truncated, infos = vector.step(actions)
         for i, env in enumerate(singles):
             if mode == "next_step" and over[i]:
@@ -77,23 +89,23 @@ def test_a_lane_does_not_depend_on_the_number_of_lanes_or_threads(name, keywords
         few = gym.make_vec(name, 2, "vector_entry_point", dtype=dtype, **keywords)
         many.reset(seed=seed)
         few.reset(seed=[seed, seed + lanes - 1])
-        for actions in gentle(np.random.default_rng(seed), 40, lanes):
+        for actions in gentle(np.random.default_rng(seed), 40, many):
             wide = many.step(actions)
             narrow = few.step(actions[[0, lanes - 1]])
             for a, b in zip(wide[:4], narrow[:4], strict=True):
                 np.testing.assert_array_equal(a[[0, lanes - 1]], b)
 
 
-@pytest.mark.parametrize("name", [ID, TURN_OFF])
+@pytest.mark.parametrize("name", [ID, TURN_OFF, WALL, CIRCUIT])
 @pytest.mark.parametrize("steps", [1, 7, 45])
 def test_truncation_is_the_same_in_all_skins(steps, name):
-    keywords = {"departure": "off", "max_episode_steps": steps}
+    keywords = {"contact" if name in (WALL, CIRCUIT) else "departure": "off", "max_episode_steps": steps}
     single = gym.make(name, **keywords)
     sync = gym.make_vec(name, 2, "sync", **keywords)
     vector = gym.make_vec(name, 2, "vector_entry_point", **keywords)
     single.reset(seed=0), sync.reset(seed=0), vector.reset(seed=0)
     for k in range(1, steps + 1):
-        action = np.zeros(1, np.float32)
+        action = np.zeros(single.action_space.shape, np.float32)
         flags = [
             single.step(action)[3],
             *sync.step(np.stack([action, action]))[3],
@@ -140,25 +152,25 @@ def test_an_episode_ends_at_its_own_length_or_the_shorter_limit(keywords, steps)
         assert ends == [False] * (steps - 1) + [True]
 
 
-@pytest.mark.parametrize("name", [ID, CAMERA])
+@pytest.mark.parametrize("name", [ID, CAMERA, WALL, CIRCUIT])
 def test_reset_mask_restarts_only_the_chosen_lanes(name):
     vector = gym.make_vec(name, 5, "vector_entry_point", autoreset_mode="disabled")
     reference = gym.make_vec(name, 5, "vector_entry_point", autoreset_mode="disabled")
     rng = np.random.default_rng(0)
     for env in (vector, reference):
         env.reset(seed=2)
-    for actions in gentle(rng, 10, 5):
+    for actions in gentle(rng, 10, vector):
         kept = reference.step(actions)[0]
         vector.step(actions)
     mask = np.array([True, False, False, True, False])
     observation, _ = vector.reset(options={"reset_mask": mask})
     np.testing.assert_array_equal(observation[~mask], kept[~mask])
     assert (observation[mask] != kept[mask]).any(axis=1).all()
-    actions = gentle(rng, 1, 5)[0]
+    actions = gentle(rng, 1, vector)[0]
     np.testing.assert_array_equal(vector.step(actions)[0][~mask], reference.step(actions)[0][~mask])
 
 
-@pytest.mark.parametrize("name", [ID, CAMERA, TURN_OFF])
+@pytest.mark.parametrize("name", [ID, CAMERA, TURN_OFF, WALL, CIRCUIT])
 def test_episodes_of_one_seed_are_the_same_whatever_was_done_before(name):
     """The third episode of a seed does not depend on how the first two were driven."""
     starts = []
@@ -167,7 +179,7 @@ def test_episodes_of_one_seed_are_the_same_whatever_was_done_before(name):
         env.reset(seed=11)
         for _ in range(2):
             for _ in range(3 if policy else 17):
-                env.step(np.array([policy], np.float32))
+                env.step(np.full(env.action_space.shape, policy, np.float32))
             start = env.reset()[0]
         starts.append(start)
     np.testing.assert_array_equal(*starts)

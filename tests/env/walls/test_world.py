@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 
 from lanekeep_env.walls import Circuit, Corridor, Ell, RandomCircuits, Slalom, World, pack, world_from
 
@@ -187,3 +188,18 @@ def test_worlds_by_name_and_record():
     assert world_from("circuit") == Circuit()
     assert world_from(Ell()) == Ell()
     assert world_from({"kind": "corridor", "length": np.float32(5)}) == Corridor(5.0)
+
+
+def test_bodies_that_touch_walls_are_shapelys():
+    rng = np.random.default_rng(8)
+    found = []
+    for _ in range(400):
+        walls = rng.uniform(-3, 3, (5, 4))
+        world = World("any", walls, np.zeros(5, bool), np.zeros((1, 3)))
+        x, y, heading, length, width = *rng.uniform(-3, 3, 2), rng.uniform(-4, 4), *rng.uniform(0.1, 1.5, 2)
+        box = shapely.box(-length / 2, -width / 2, length / 2, width / 2)
+        box = shapely.affinity.translate(shapely.affinity.rotate(box, heading, (0, 0), use_radians=True), x, y)
+        touched = bool(shapely.intersects(box, shapely.linestrings(walls.reshape(-1, 2, 2))).any())
+        assert world.touches(x, y, heading, length, width) == touched
+        found.append(touched)
+    assert 100 < sum(found) < 300

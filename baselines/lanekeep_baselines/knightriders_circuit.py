@@ -1,0 +1,239 @@
+"""Team KnightRiders 2017: a rectangular circuit between walls as fast as possible (first task, 4.3.3).
+
+As in the source the car follows the right wall and looks for a wall's end in the scan meanwhile; a corner found, a
+straight up to it and an arc of 90 degrees are planned and driven by odometry, then the wall is taken up again.
+
+Added to it:
+- Corners to the left are the mirrored search along the left wall. A circuit's direction is remembered.
+- The wall is followed by the redesigned cascade on the Kalman filter. Through a corner the filter goes on without a
+  side wall, so that heading, steering offset and yaw-rate bias stay known; half-way it changes over to the next leg's
+  wall, whose place follows from the corner's.
+- The corner's place is that of the wall ahead less the corridor's width, within what the scan shows of the wall's end;
+  an end elsewhere is none of a corner. The camera loses it from view 1.4 times its side distance before it: then the
+  wall ahead and odometry tell.
+- The arc is planned anew in each step: the one that from here touches the next leg's lane. It starts where its radius
+  is `RADIUS`.
+- The lane is near the inner wall, where the lap is shortest and the arc still clears the corner; farther from it in
+  wide corridors, whose inner walls may be short. Until the direction is known it is the middle.
+- The speed is the largest one, less where the arc's lateral acceleration asks for it or no direction is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import ClassVar, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lanekeep_baselines.policy import DrivingPolicy, DrivingScenario, Floats
+from lanekeep_baselines.scan_features import ScanReader, ScanRecord, WallEnd
+from lanekeep_baselines.wall_cascade import LARGEST_HEADING
+from lanekeep_baselines.wall_control import Cascade, Measured
+from lanekeep_baselines.wall_design import WallCar
+from lanekeep_baselines.wall_estimator import HALF_CONE, WallFilter, WallNoise
+from lanekeep_env.sensing.faults import Sensor, Sensors
+
+_RIGHT_ANGLE = 0.5 * np.pi
+#: A corner of which nothing is known is this far ahead, m.
+_UNKNOWN = 1e3
+#: Phases: along a wall, in the first and in the second half of a corner.
+_WALL, _ENTERS, _LEAVES = 0.0, 1.0, 2.0
+
+
+class CircuitDrive(DrivingScenario, Protocol):
+    """What the controller may know; `lanekeep_env.CircuitScenario` is one."""
+
+    @property
+    def scan(self) -> ScanRecord: ...
+    @property
+    def sensors(self) -> Sensors: ...
+
+
+class Leg(NamedTuple):
+    """What is remembered besides filter and cascade, (n,) each.
+
+    Attributes:
+        speed: last measured, m/s.
+        corner: way of the rear axle to the inner corner ahead, m.
+        corridor: width, m.
+        votes: for corners to the left, minus those to the right.
+        phase: `_WALL`, `_ENTERS` or `_LEAVES`.
+    """
+
+    speed: Floats
+    corner: Floats
+    corridor: Floats
+    votes: Floats
+    phase: Floats
+
+
+class KnightRidersCircuit(DrivingPolicy):
+    """`knightriders-circuit`: along the walls and round the corners of a rectangular circuit."""
+
+    name = "knightriders-circuit"
+    needs = ("distance_right", "distance_left", "yaw_rate", "speed", "steering_command", "scan_0")
+
+    #: Radius of the corners, m: 19.3 degrees of steering at the source's car, which leaves 1.7 beyond an offset of 1.
+    RADIUS: ClassVar[float] = 1.0
+    #: Lateral acceleration in corners and deceleration before them, m/s².
+    LATERAL, BRAKE = 4.0, 1.5
+    #: Distance of the lane from the inner wall, m: in corridors up to 2 m, and in such of 3 m, between them linear.
+    NEAR, WIDE = 0.55, 1.25
+    #: Where the arc ends and the cascade takes over, rad.
+    END: ClassVar[float] = float(np.deg2rad(8.0))
+    #: How far a side distance may be from the expected one, m, to be one of the same wall.
+    SAME: ClassVar[float] = 0.2
+    #: How far the wall ahead less the corridor may be from a wall's end in the scan, m, for that to be a corner.
+    AGREE: ClassVar[float] = 0.5
+    #: Standard deviation of the heading at the start, rad, and that above which no direction is seen.
+    START, SURE = 0.1, 0.08
+    #: Votes that settle the direction, and the most that are kept.
+    SETTLED, MOST = 3.0, 12.0
+    #: Speeds, m/s: without a direction at the corner, and below which gains are those of this one.
+    CREEP, SLOWEST = 1.2, 0.2
+
+    def __init__(self, scenario: CircuitDrive) -> None:
+        super().__init__(scenario)
+        car = scenario.vehicle
+        self._car = WallCar(car.wheelbase, 0.5 * car.wheelbase, scenario.control_step)
+        self._nose = 0.5 * car.wheelbase + 0.5 * car.length  # of the camera, ahead of the rear axle
+        self._limit = scenario.max_steering_angle
+        self._filter = WallFilter(self._car, self._noise(scenario))
+        self._control = Cascade(self._car, self._limit, LARGEST_HEADING)
+        self._reader = ScanReader(scenario.scan)
+        self._split = self._filter.memory, self._filter.memory + self._control.memory
+        self.memory = self._split[1] + len(Leg._fields)
+
+    def _noise(self, scenario: CircuitDrive) -> WallNoise:
+        """Return the filter's noise: what it has for granted, more for worse sensors, and a start along the wall."""
+        nominal, sensors = WallNoise(), dict(scenario.sensors)
+        side, yaw = (sensors.get(channel, Sensor()) for channel in ("distance_right", "yaw_rate"))
+        return replace(
+            nominal,
+            side_distance=max(nominal.side_distance, side.noise),
+            yaw_rate=max(nominal.yaw_rate, yaw.noise),
+            start=(max(nominal.start[0], side.noise), self.START, nominal.start[2], max(nominal.start[3], yaw.bias)),
+        )
+
+    def command(
+        self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
+    ) -> tuple[Floats, Floats | None]:
+        first, second = self._split
+        leg = Leg(*memory[:, second:].T)
+        blank = np.zeros_like(at["speed"])
+        start = (blank, blank + _UNKNOWN, at["distance_right"] + at["distance_left"], blank, blank)
+        leg = Leg(*(np.where(fresh, new, old) for new, old in zip(start, leg, strict=True)))
+        way = 0.5 * (leg.speed + at["speed"]) * self._car.step
+        known = self._locate(at, memory[:, :first], fresh, leg, way)
+        leg = leg._replace(speed=at["speed"], corner=leg.corner - way * np.cos(known[:, 1]))
+        known, leg = self._change_over(known, leg)
+        leg = self._look(at, known, leg)
+        return self._drive(at, memory[:, first:second], fresh, known, leg)
+
+    def _locate(
+        self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool, leg: Leg, way: Floats
+    ) -> Floats:
+        """Return the filter's next memory, with the right wall's distance where that is the leg's wall.
+
+        It is, if it is about the expected one or both sides add up to the corridor, up to the inner wall's end: where
+        that is or may be the right one's, the cone would show its corner.
+        """
+        right, left, heading = at["distance_right"], at["distance_left"], memory[:, 1]
+        same = np.abs(right - memory[:, 0] - way * np.sin(heading)) < self.SAME
+        same |= (left > 0.0) & (np.abs(right + left - leg.corridor) < 0.5 * self.SAME)
+        passed = (self._side(leg) <= 0.0) & (leg.corner - way < self._car.sensor)
+        shown = (right > 0.0) & same & (leg.phase != _ENTERS) & ~passed
+        distance = np.where(shown | fresh, right, 0.0)  # 0 corrects nothing
+        return self._filter.update(
+            memory, fresh, way / self._car.step, at["steering_command"], distance, at["yaw_rate"]
+        )
+
+    def _side(self, leg: Leg) -> Floats:
+        """Return 1 where corners go to the left, -1 to the right, 0 where that is not known."""
+        return np.where(np.abs(leg.votes) >= self.SETTLED, np.sign(leg.votes), 0.0)
+
+    def _change_over(self, known: Floats, leg: Leg) -> tuple[Floats, Leg]:
+        """Count from the next leg's right wall where half of a corner is driven."""
+        side, heading = self._side(leg), known[:, 1]
+        over = (leg.phase == _ENTERS) & (side * heading >= 0.5 * _RIGHT_ANGLE)
+        to_corner = leg.corner - self._car.sensor * np.cos(heading)
+        distance = np.where(side < 0.0, -to_corner, to_corner + leg.corridor)
+        states, covariance = known[:, :4].copy(), known[:, 4:].reshape(-1, 4, 4).copy()
+        states[:, 0], states[:, 1] = distance, heading - side * _RIGHT_ANGLE
+        covariance[:, 0, :] = covariance[:, :, 0] = 0.0
+        covariance[:, 0, 0] = 0.05**2
+        changed = np.concatenate([states, covariance.reshape(-1, 16)], axis=1)
+        known = np.where(over[:, None], changed, known)
+        corner, phase = np.where(over, _UNKNOWN, leg.corner), np.where(over, _LEAVES, leg.phase)
+        return known, leg._replace(corner=corner, phase=phase)
+
+    def _look(self, at: Mapping[str, Floats], known: Floats, leg: Leg) -> Leg:
+        """Measure corridor and corner, and vote for the direction, where the car is along a wall."""
+        along, distance, heading = leg.phase == _WALL, known[:, 0], known[:, 1]
+        right, left, corridor = at["distance_right"], at["distance_left"], leg.corridor
+        straight = along & (np.abs(heading) < HALF_CONE) & (right > 0.0) & (left > 0.0)
+        straight &= leg.corner > self._car.sensor
+        wider = np.where(straight, right + left - corridor, 0.0)
+        corridor = corridor + np.where(np.abs(wider) < self.SAME, 0.2, 0.0) * wider
+        ranges = self._reader.ranges(np.stack([at[channel] for channel in self._reader.channels]))
+        at_nose = distance + (self._nose - self._car.sensor) * np.sin(heading)
+        ahead = self._nose * np.cos(heading)
+        front = self._reader.ahead(ranges, heading) - corridor
+        ends = (
+            self._reader.wall_end(ranges, heading, at_nose, -1.0).about(front, self.AGREE),
+            self._reader.wall_end(ranges, heading, corridor - at_nose, 1.0).about(front, self.AGREE),
+        )
+        vote = 1.0 * ends[1].seen - 1.0 * ends[0].seen
+        vote = np.where(known[:, 9] < self.SURE**2, vote, 0.0)  # the heading's variance
+        # Nothing seen until the inner wall ends beside the car: its ultrasonic looks into the next leg.
+        late = (self._side(leg) == 0.0) & (leg.corner < self._car.sensor) & (vote == 0.0)
+        to_left, to_right = left > corridor - distance + self.SAME, right > distance + self.SAME
+        vote = np.where(late, 1.0 * to_left - 1.0 * to_right, vote)
+        votes = np.clip(leg.votes + np.where(along, vote, 0.0), -self.MOST, self.MOST)
+        side = self._side(leg._replace(votes=votes))
+        end = WallEnd(*(np.where(side > 0.0, b, a) for a, b in zip(*ends, strict=True)))
+        place = np.where(end.seen & (side != 0.0), np.clip(front, end.near, end.far), front) + ahead
+        found = along & np.isfinite(place)
+        if "scan_new" in at:
+            found &= at["scan_new"] > 0.5
+        share = np.where(leg.corner > 0.5 * _UNKNOWN, 1.0, 0.5)
+        corner = np.where(found, leg.corner + share * (np.where(found, place, 0.0) - leg.corner), leg.corner)
+        return leg._replace(corner=corner, corridor=corridor, votes=votes)
+
+    def _drive(
+        self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool, known: Floats, leg: Leg
+    ) -> tuple[Floats, Floats]:
+        """Return steering and speed, (n, 2), and the next memory: arc or cascade."""
+        distance, heading, offset, bias = known[:, 0], known[:, 1], known[:, 2], known[:, 3]
+        speed, side, corridor = at["speed"], self._side(leg), leg.corridor
+        inner = self.NEAR + (self.WIDE - self.NEAR) * np.clip(corridor - 2.0, 0.0, 1.0)
+        inner = np.minimum(inner, 0.5 * corridor)
+        wanted = np.where(side == 0.0, 0.5 * corridor, np.where(side < 0.0, inner, corridor - inner))
+        # Angle still to turn, and way across to the next leg's lane: their arc.
+        rear = distance - self._car.sensor * np.sin(heading)
+        leaves = leg.phase == _LEAVES
+        turn = np.where(leaves, 0.0, _RIGHT_ANGLE) - side * heading
+        across = np.where(leaves, side * (rear - wanted), leg.corner + inner)
+        needs = 1.0 - np.cos(turn)
+        tightest = np.tan(self._limit) / self._car.wheelbase
+        curvature = np.clip(needs / np.maximum(across, 1e-3), 0.5 / self.RADIUS, tightest)
+        half_step = 0.5 * speed * self._car.step * np.cos(heading)
+        begins = (leg.phase == _WALL) & (side != 0.0) & (across - half_step <= self.RADIUS * needs)
+        ends = leaves & (turn <= self.END)
+        phase = np.where(begins, _ENTERS, np.where(ends, _WALL, leg.phase))
+        arc = phase != _WALL
+        # The cascade goes on from straight wheels where an arc ends.
+        last = np.where(ends[:, None], -offset[:, None], memory)
+        turned = np.where(ends, 0.0, (at["yaw_rate"] - bias) * self._car.step)
+        measured = Measured(np.maximum(speed, self.SLOWEST), distance, heading, turned)
+        steering, following = self._control.command(measured, wanted, last, fresh)
+        steering = np.where(arc, np.arctan(self._car.wheelbase * side * curvature) - offset, steering)
+        slow = np.sqrt(self.LATERAL * self.RADIUS)
+        near = np.where(side == 0.0, self.CREEP, slow)
+        way = np.where(side == 0.0, leg.corner, across - self.RADIUS)
+        target = np.where(arc, slow, np.sqrt(near**2 + 2.0 * self.BRAKE * np.maximum(way, 0.0)))
+        target = np.minimum(target, self._fastest)
+        memory = np.concatenate([known, following, np.stack(leg._replace(phase=phase), axis=1)], axis=1)
+        return np.stack([steering, target], axis=1), memory

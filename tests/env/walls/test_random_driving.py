@@ -1,0 +1,122 @@
+"""Thousands of random episodes over the whole parameter range: no NaN, no exception, observations inside the space."""
+
+import gymnasium as gym
+import numpy as np
+
+import lanekeep_env  # noqa: F401
+
+IDS = ("lanekeep/WallFollow-v0", "lanekeep/Circuit-v0")
+
+
+#: Whether there is backlash, a servo, a scan: each combination is compiled by itself, for each model and precision.
+EQUIPMENT = ((False, False, True, "float64"), (True, True, True, "float64"), (False, True, False, "float32"))
+
+
+def random_keywords(rng, circuit):
+    """A point of the whole parameter space, but for combinations of equipment: a few stand for all."""
+    geared, served, scanned, dtype = EQUIPMENT[rng.integers(len(EQUIPMENT))]
+
+    def pick(*values):
+        return values[rng.integers(len(values))]
+
+    glass = {"glass_share": pick(0.0, 0.0, 0.3, 1.0), "seed": int(rng.integers(100))}
+    keywords = {
+        "vehicle": {
+            "base": pick("knightriders", "pses"),
+            "steering": {
+                "lag": pick(0.05, 0.1) if geared else pick(0.0, 0.0, 0.1),
+                "backlash": 0.03 if geared else 0.0,
+                "feedback": pick("motor", "road_wheel"),
+                "delay": pick(0.0, 0.035),
+                "rate_limit": pick(None, 4.0),
+                "angle_limit": pick(None, 0.38, 1.0),
+            },
+        },
+        "dynamics": pick("kinematic", "dynamic"),
+        "world": pick(
+            {"kind": "random-circuits", "count": 5, **glass},
+            {"kind": "circuit", "corridor": float(rng.uniform(0.8, 3.0)), "clockwise": bool(rng.integers(2)), **glass},
+            {"kind": "ell", "width": float(rng.uniform(0.8, 4.0)), "turn": pick("left", "right"), **glass},
+            {"kind": "slalom", "gap": float(rng.uniform(0.6, 2.5)), **glass},
+            {"kind": "corridor", "length": 20.0, "width": float(rng.uniform(0.6, 30.0)), **glass},
+        ),
+        "speed": pick(0.0, 0.3, 2.0, 20.0, {"minimum": 0.1, "maximum": 5.0, "hold": 0.5}),
+        "action": pick("steering_angle", "steering_rate"),
+        "max_steering_angle": float(rng.uniform(0.05, 1.3)),
+        "steering_offset": pick(0.0, (-0.05, 0.05), 0.1),
+        "servo": pick({"left": 0.5, "right": 0.2, "ticks": 50}, {"angles": (-1.3, -0.1, 0.2)}) if served else None,
+        "set_distance": float(rng.uniform(0.1, 6.0)),
+        "start_lateral_error": float(rng.uniform(0.0, 3.0)),
+        "start_heading_error": float(rng.uniform(0.0, 3.1)),
+        "contact": pick("terminate", "terminate", "cost", "off"),
+        "cost_weight": pick(0.0, 1.0, 100.0),
+        "scan": pick(
+            "perfect",
+            "kinect",
+            {"beams": 7, "field_of_view": 6.2, "noise": 0.5, "jump_errors": 1.0, "nearest": 0.0, "missing_rim": 5},
+        )
+        if scanned
+        else "none",
+        "encoder_ticks": pick(0, 8, 40),
+        "encoder_direction": bool(rng.integers(2)),
+        "observation": pick("measured", "full"),
+        "randomisation": pick("nominal", "mismatch", "stress"),
+        "sensors": pick(
+            None,
+            "production",
+            "poor",
+            {"distance_right": {"noise": 2.0, "bias": 3.0, "dropout": 0.5, "delay": 0.09}, "speed": {"noise": 30.0}},
+        ),
+        "control_step": pick(0.045, 0.045, 0.09, 0.015),
+        "episode_steps": pick(40, 600),
+        "dtype": dtype,
+        "autoreset_mode": pick("next_step", "same_step"),
+    }
+    if circuit:
+        keywords |= {
+            "max_speed": pick(0.5, 2.0, 20.0),
+            "max_acceleration": pick(0.5, 2.0, 500.0),
+            "laps": int(rng.integers(1, 3)),
+        }
+    return keywords
+
+
+def test_three_thousand_random_episodes_over_the_whole_parameter_range():
+    rng = np.random.default_rng(2017)
+    lanes, steps, episodes, contacts = 16, 60, 0, 0
+    for k in range(10_000):
+        if episodes >= 3000:
+            break
+        keywords = random_keywords(rng, k % 2)
+        env = gym.make_vec(IDS[k % 2], lanes, "vector_entry_point", max_episode_steps=50, **keywords)
+        low, high = env.observation_space.low, env.observation_space.high
+        observation, infos = env.reset(seed=int(rng.integers(2**31)))
+        episodes += lanes
+        for _ in range(steps):
+            inside = (observation >= low) & (observation <= high)
+            assert inside.all(), (keywords, env.unwrapped.channels[np.flatnonzero(~inside.all(axis=0))[0]])
+            assert all(np.isfinite(value).all() for name, value in infos.items() if name in env.unwrapped.truth), (
+                keywords
+            )
+            assert (infos["clearance"] >= 0.0).all(), keywords
+            actions = rng.uniform(-1.2, 1.2, env.action_space.shape).astype(np.float32)
+            observation, reward, ended, truncated, infos = env.step(actions)
+            assert np.isfinite(reward).all(), keywords
+            episodes += int((ended | truncated).sum())
+            contacts += int((ended & (infos["termination"] == 2)).sum())
+    assert contacts > 500
+
+
+def test_single_environments_run_random_episodes_too():
+    rng = np.random.default_rng(7)
+    for k in range(60):
+        keywords = random_keywords(rng, k % 2)
+        del keywords["autoreset_mode"]
+        env = gym.make(IDS[k % 2], **keywords)
+        env.reset(seed=k)
+        env.action_space.seed(k)
+        for _ in range(40):
+            observation, reward, ended, truncated, _ = env.step(env.action_space.sample())
+            assert env.observation_space.contains(observation) and np.isfinite(reward), keywords
+            if ended or truncated:
+                env.reset()
