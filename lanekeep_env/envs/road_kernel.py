@@ -283,6 +283,7 @@ def _start(
     sensors,
     camera,
     drive,
+    timelines,
     observation,
     outcome,
 ):
@@ -290,7 +291,7 @@ def _start(
     counters[at.EPISODE, i] += 1
     start_lane(i, lateral, heading, station, road_index, lanes, counters, road, roads, settings)
     if drive is not None:
-        counters[at.TIMELINE, i] = start_drive(i, lanes, counters, settings, drive)
+        counters[at.TIMELINE, i] = start_drive(i, lanes, counters, settings, drive, timelines)
     zero = like(lanes[0, 0], 0.0)
     outcome[at.O_STEERING_RATE, i] = zero
     outcome[at.O_COST, i] = zero
@@ -299,7 +300,7 @@ def _start(
 
 
 @helper
-def _restart(n, lanes, counters, road, roads, settings, sensors, camera, drive, observation, outcome):
+def _restart(n, lanes, counters, road, roads, settings, sensors, camera, drive, timelines, observation, outcome):
     """Start new episodes where the autoreset mode says so."""
     mode = np.int64(settings[at.AUTORESET])
     zero, one, nan = like(lanes[0, 0], 0.0), like(lanes[0, 0], 1.0), np.nan
@@ -336,13 +337,14 @@ def _restart(n, lanes, counters, road, roads, settings, sensors, camera, drive, 
                 sensors,
                 camera,
                 drive,
+                timelines,
                 observation,
                 outcome,
             )
 
 
 @helper
-def _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, action, observation, outcome):
+def _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, timelines, action, observation, outcome):
     """Judge the step of block ``k``, tell its truth and observations, start the next episodes."""
     first = k * lanes.shape[2]
     last = min(first + lanes.shape[2], counters.shape[1])
@@ -369,83 +371,85 @@ def _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, a
     begin = np.int64(0)  # a literal would be a type of its own and compile both functions twice
     _report(begin, n, block, told)
     _observe(begin, n, block, counted, road, settings, sensors, camera, drive, seen)
-    _restart(n, block, counted, road, roads, settings, sensors, camera, drive, seen, told)
+    _restart(n, block, counted, road, roads, settings, sensors, camera, drive, timelines, seen, told)
 
 
 # One control step of the blocks ``begin`` to ``end``; one kernel a vehicle model, so that a process
-# compiles only what it uses. numba's cache wants kernels spelled out. ``equipment`` is (sensors, gear, camera,
-# drive), each None where the scenario has none: what it lacks is then no part of the kernel. (One tuple, since numba takes a
-# tenth of a microsecond to tell the type of a None.)
+# compiles only what it uses. numba's cache wants kernels spelled out. ``equipment`` is (sensors, gear, camera, drive,
+# timelines), each None where the scenario has none: what it lacks is then no part of the kernel. (One tuple, since
+# numba takes a tenth of a microsecond to tell the type of a None.)
 
 
 @kernel()
 def step_kinematic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _ = equipment
+    sensors, gear, camera, _, _ = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_kinematic(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_kinematic(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
 @kernel()
 def step_linear(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _ = equipment
+    sensors, gear, camera, _, _ = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_linear(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_linear(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
 @kernel()
 def step_magic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _ = equipment
+    sensors, gear, camera, _, _ = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_magic_formula(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_magic_formula(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
 @kernel()
 def step_front_driven(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _ = equipment
+    sensors, gear, camera, _, _ = equipment
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_front_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_front_driven(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
 @kernel()
 def step_driven(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, drive = equipment
+    sensors, gear, camera, drive, timelines = equipment
     for k in range(begin, end):
-        _surroundings(k, lanes, counters, settings, drive[1])
+        _surroundings(k, lanes, counters, settings, timelines)
         for substep in range(_command_drive(k, lanes, counters, settings, action)):
-            _pull(k, lanes, counters, settings, drive[0])
+            _pull(k, lanes, counters, settings, drive)
             advance_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_driven(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, action, observation, outcome)
+        _finish(
+            k, lanes, counters, road, roads, settings, sensors, camera, drive, timelines, action, observation, outcome
+        )
 
 
 @kernel()
 def step_kinematic_paced(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _ = equipment
+    sensors, gear, camera, _, _ = equipment
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, action)):
             advance_kinematic_paced(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
             cross_segments(k, lanes, counters, road)
         show_kinematic_paced(lanes[k])
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, action, observation, outcome)
+        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
 @kernel(parallel=True)
@@ -513,7 +517,7 @@ STEP_PARALLEL = {
 def reset(mask, start, lanes, counters, road, roads, settings, equipment, observation, outcome):
     """Start the next episode where ``mask`` is set; ``start`` (4, n) fixes what is not NaN."""
     size = lanes.shape[2]
-    sensors, _, camera, drive = equipment
+    sensors, _, camera, drive, timelines = equipment
     for k in range(mask.shape[0]):
         if mask[k]:
             first = k // size * size
@@ -534,6 +538,7 @@ def reset(mask, start, lanes, counters, road, roads, settings, equipment, observ
                 sensors,
                 camera,
                 drive,
+                timelines,
                 observation[first:last],
                 outcome[:, first:last],
             )

@@ -137,7 +137,8 @@ class RoadLanes:
         self.road, self.roads = road_tables(
             s.road, s.speed, s.road.fingerprint(), s.episode_steps * s.control_step, self.dtype
         )
-        self.equipment = self.sensors, self.gear, self._camera(), self._drive()
+        # Flat: numba cannot hand a tuple of tuples to several threads.
+        self.equipment = self.sensors, self.gear, self._camera(), *self._drive()
         model = int(self.settings[at.MODEL])
         self.step = road_kernel.STEP[model]
         self.step_parallel = road_kernel.STEP_PARALLEL[model]
@@ -224,11 +225,11 @@ class RoadLanes:
             return None
         return np.array([steering.backlash / 2, steering.feedback == "motor"], dtype=self.dtype)
 
-    def _drive(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """Numbers of the powertrain and the timelines, or None without a powertrain."""
+    def _drive(self) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Numbers of the powertrain and the timelines, None without a powertrain."""
         s = self.scenario
         if not isinstance(s, DriveScenario):
-            return None
+            return None, None
         return s.powertrain.numbers(INTEGRATION_STEP).astype(self.dtype), s.traffic.build()
 
     def _camera(self) -> np.ndarray | None:

@@ -218,12 +218,11 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
 
 
 @helper
-def start_drive(i, lanes, counters, settings, drive):
+def start_drive(i, lanes, counters, settings, drive, timelines):
     """Set pedals, gear and surroundings of lane i to the start of its episode; return its timeline.
 
     The car starts at the speed that is set at first, in a gear that suits it.
     """
-    numbers, timelines = drive
     key = derive(np.uint64(counters[at.KEY, i]), counters[at.EPISODE, i])
     which = np.int64(uniform(key, DRAW_TIMELINE) * timelines.shape[0])
     zero, far = like(lanes[0, 0], 0.0), like(lanes[0, 0], at.FAR)
@@ -237,5 +236,5 @@ def start_drive(i, lanes, counters, settings, drive):
     lanes[at.WIND, i] = low + (high - low) * uniform(key, DRAW_WIND)
     happen(i, lanes, timelines[which], settings)
     lanes[at.SPEED, i] = lanes[at.SET_SPEED, i]
-    lanes[at.GEAR, i] = choose_gear(lanes[at.SPEED, i], numbers)
+    lanes[at.GEAR, i] = choose_gear(lanes[at.SPEED, i], drive)
     return which

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
+from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.physics.powertrain_parameters import Powertrain, powertrain_from
 from lanekeep_env.roads import RandomRoads, RoadSpec, SpeedSpec, speed_from
@@ -32,9 +32,9 @@ class Traffic:
     """What happens around a car: one given timeline, or a set of random ones.
 
     Attributes:
-        events: (time in s, kind, numbers ...) in order of time, or none for random timelines. Kinds: "speed" (m/s; the one
-            at 0 s is also the car's speed at the start), "lead" (gap in m, speed in m/s of a car ahead), "lead_gone",
-            "stop" (distance of a stop point in m), "stop_gone".
+        events: (time in s, kind, numbers ...) in order of time, or none for random timelines. Kinds: "speed" (m/s; the
+            one at 0 s is also the car's speed at the start), "lead" (gap in m, speed in m/s of a car ahead),
+            "lead_gone", "stop" (distance of a stop point in m), "stop_gone".
         count: random timelines in the set; an episode's key chooses one.
         duration: of each of them, s.
         largest_speed: m/s.
@@ -114,7 +114,7 @@ class Traffic:
 
 
 def traffic_from(value: Mapping[str, Any] | Sequence[Any] | Traffic | None) -> Traffic:
-    """Read traffic: None (random), a list of events, a mapping of fields, or a record; ValueError names what is wrong."""
+    """Read traffic: None (random), a list of events, a mapping, or a record; ValueError names what is wrong."""
     if value is None:
         return Traffic()
     if isinstance(value, Traffic):
@@ -123,9 +123,7 @@ def traffic_from(value: Mapping[str, Any] | Sequence[Any] | Traffic | None) -> T
         return from_mapping(Traffic, value, "traffic")
     if isinstance(value, Sequence) and not isinstance(value, str):
         return Traffic(events=tuple(value))
-    raise ValueError(
-        f"traffic={value!r}{nearest(str(value), [])} must be a list of events or a mapping of Traffic's fields"
-    )
+    raise ValueError(f"traffic={value!r} must be a list of events or a mapping of Traffic's fields")
 
 
 def bounds_from(name: str, unit: str, limit: float, value: Any) -> tuple[float, float]:
