@@ -78,6 +78,25 @@ def test_dynamic_law_is_linear_on_circles(werling) -> None:
     assert np.abs(d - wanted).max() < 1e-6
 
 
+def test_dynamic_law_is_linear_where_curvature_changes(werling) -> None:
+    """In path coordinates, curvature in zigzag up to 2 m/s²: it need be continuous only, as the source claims."""
+    v, omega = np.array([5.0, 15.3, 25.0, 35.0]), 1.0
+
+    def rates(_, flat):
+        s, d, heading, beta, r = flat.reshape(5, 4)
+        kappa, course = 2.0 / v**2 * (2.0 / np.pi) * np.arcsin(np.sin(1.5 * s / v)), heading + beta
+        steer, limited = dynamic_steering(CAR, omega, d, course, beta, r, v, kappa)
+        assert not limited.any()
+        beta_rate, r_rate, _ = werling.body_rates(beta, r, steer, v)
+        along = v * np.cos(course) / (1.0 - d * kappa)
+        return np.concatenate([along, v * np.sin(course), r - kappa * along, beta_rate, r_rate])
+
+    start = np.concatenate([np.zeros(4), np.full(4, -0.8), np.arcsin(0.5 / v), np.zeros(8)])
+    found = solve_ivp(rates, (0.0, 6.0), start, method="DOP853", rtol=1e-10, atol=1e-11, max_step=0.05)
+    d = found.y.reshape(5, 4, -1)[1]
+    assert np.abs(d - critically_damped(omega, -0.8, 0.5, found.t)).max() < 1e-6
+
+
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_kinematic_law_is_linear_over_the_way(direction: float) -> None:
     """With changing speed, curvature that changes with s, and large angles; the rows start differently."""
