@@ -194,3 +194,13 @@ def oracle() -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="session")
+def werling() -> ModuleType:
+    """Werling's car, simulated without any of the project's code."""
+    spec = importlib.util.spec_from_file_location("werling_oracle", Path(__file__).parent / "werling_oracle.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

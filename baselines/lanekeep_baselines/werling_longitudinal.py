@@ -1,0 +1,153 @@
+"""Werling, Gröll, Bretthauer 2008: set speed, gap and stopping by override control, as pure steps over rows.
+
+Three laws ask for an acceleration each, the smallest is taken, between a_min and a_max. Without a car in front or
+a stop point the distance is inf, and the law asks for no restraint. The laws have no integrator: where two of them
+cross, the acceleration has no step. (Steps of a set point or a new car in front do step it.)
+
+Corrected against the source: (29) prints "L, tau < 0", both are positive. Read literally, (32) drives through the stop
+point: its condition lets go again as the speed falls, and behind s_h - Delta its sign turns. And as (33) meets (32) in
+a joint tangent it is never below it: an ungated max selector lets the approach be, and brakes too late. Hence (32) is
+latched, is -inf from Delta before the point on, and (33) has its say in the near range only.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lanekeep_baselines.policy import Floats
+
+#: A stop point that moves away by more than this between two steps, m, is another one: braking starts anew.
+MOVED = 1.0
+#: The near range is this much longer than the joint tangent needs, m.
+NEAR = 0.5
+
+
+class LongitudinalTuning(NamedTuple):
+    """Of the three laws and the override.
+
+    Attributes:
+        speed_rate: c_v of the speed law, 1/s.
+        standing_gap: L, m.
+        time_gap: tau, s.
+        gap_rate: lambda of the gap law, 1/s.
+        braking: a_h,min, m/s², negative: the deceleration of a stop.
+        stop_rate: p of the last metres, 1/s: both poles are at -p (k_p = p², k_d = 2 p).
+        least: a_min, m/s².
+        most: a_max, m/s².
+    """
+
+    speed_rate: float = 0.62
+    standing_gap: float = 4.0
+    time_gap: float = 1.5
+    gap_rate: float = 0.5
+    braking: float = -1.7
+    stop_rate: float = 2.0
+    least: float = -4.0
+    most: float = 1.0
+
+    @property
+    def ahead(self) -> float:
+        """Delta, m: how far before the stop point constant deceleration would end; makes the tangent a joint one."""
+        return -self.braking / self.stop_rate**2
+
+    @property
+    def near(self) -> float:
+        """Where the last metres begin, m before the stop point: the tangent lies 3 Delta before it."""
+        return 4.0 * self.ahead + NEAR
+
+
+def speed_law(tuning: LongitudinalTuning, v: Floats, wanted: Floats) -> Floats:
+    """Return a = -c_v (v - wanted), m/s², (n,): (27)."""
+    return -tuning.speed_rate * (v - wanted)
+
+
+def gap_law(tuning: LongitudinalTuning, v: Floats, gap: Floats, gap_change: Floats) -> Floats:
+    """Return a = (d_f' + lambda (d_f - L - tau v))/tau, m/s², (n,): (30); inf without a car in front.
+
+    Args:
+        tuning: L, tau and lambda.
+        v: speed, m/s.
+        gap: d_f to the car in front, m, inf for none.
+        gap_change: d_f', its speed minus ours, m/s; anything where there is none.
+    """
+    lead = np.isfinite(gap)
+    gap, change = np.where(lead, gap, 0.0), np.where(lead, gap_change, 0.0)
+    wanted = tuning.standing_gap + tuning.time_gap * v
+    return np.where(lead, (change + tuning.gap_rate * (gap - wanted)) / tuning.time_gap, np.inf)
+
+
+def constant_deceleration(tuning: LongitudinalTuning, v: Floats, distance: Floats) -> Floats:
+    """Return a = -v²/(2 (distance - Delta)), m/s², (n,): (32); -inf from Delta before the stop point on."""
+    left = distance - tuning.ahead
+    before = left > 0.0
+    return np.where(before, -0.5 * v * v / np.where(before, left, 1.0), -np.inf)
+
+
+class StopLaw:
+    """The stop law (32), (33) with its latch.
+
+    Memory, (n, 2): 1 while braking for a stop point, else 0; the last step's distance of that point, m.
+    """
+
+    memory = 2
+
+    def __init__(self, tuning: LongitudinalTuning) -> None:
+        self.tuning = tuning
+
+    def step(
+        self, v: Floats, distance: Floats, memory: Floats, fresh: NDArray[np.bool_] | bool
+    ) -> tuple[Floats, Floats]:
+        """Return the acceleration, m/s², (n,), inf where nothing is to stop for yet, and the next memory.
+
+        Args:
+            v: speed, m/s.
+            distance: s_h - s of the stop point, m, inf for none.
+            memory: (n, 2), meaningless in fresh rows; never written to.
+            fresh: rows that start, (n,), or one answer for all rows.
+        """
+        tuning = self.tuning
+        point = np.isfinite(distance)
+        there = np.where(point, distance, 0.0)
+        same = np.logical_not(fresh) & (memory[:, 0] > 0.5) & (there <= memory[:, 1] + MOVED)
+        brake = constant_deceleration(tuning, v, there)
+        latched = point & (same | (brake <= tuning.braking))
+        last = tuning.stop_rate * (tuning.stop_rate * there - 2.0 * v)
+        asked = np.where(there <= tuning.near, np.maximum(brake, last), brake)
+        following = np.stack([latched.astype(np.float64), np.where(latched, there, 0.0)], axis=1)
+        return np.where(latched, asked, np.inf), following
+
+
+def override(tuning: LongitudinalTuning, *asked: Floats) -> Floats:
+    """Return the smallest acceleration asked for, between a_min and a_max, m/s², (n,): the min selector of Figure 6."""
+    smallest = asked[0]
+    for other in asked[1:]:
+        smallest = np.minimum(smallest, other)
+    return np.clip(smallest, tuning.least, tuning.most)
+
+
+class LongitudinalControl:
+    """The three laws and the override in one step: what acceleration to ask for. Memory as `StopLaw`'s."""
+
+    memory = StopLaw.memory
+
+    def __init__(self, tuning: LongitudinalTuning) -> None:
+        self.tuning = tuning
+        self._stop = StopLaw(tuning)
+
+    def step(
+        self,
+        v: Floats,
+        wanted: Floats,
+        gap: Floats,
+        gap_change: Floats,
+        distance: Floats,
+        memory: Floats,
+        fresh: NDArray[np.bool_] | bool,
+    ) -> tuple[Floats, Floats]:
+        """Return the acceleration, m/s², (n,), and the next memory, (n, 2); arguments as in the laws above."""
+        stop, following = self._stop.step(v, distance, memory, fresh)
+        speed = speed_law(self.tuning, v, wanted)
+        return override(self.tuning, speed, gap_law(self.tuning, v, gap, gap_change), stop), following

@@ -1,0 +1,90 @@
+"""Where the car will be when the command arrives: a predictor against the delay and the lag of the steering.
+
+An addition to Werling, Gröll, Bretthauer 2008, whose law knows no actuator. Above some 20 m/s its zero dynamics (sway
+and yaw at constant d) are so weakly damped that 100 ms of delay leave no useful bandwidth. As in a Smith predictor the
+law sees the state that the commands on their way will have led to when the next one takes effect; unlike one, the
+prediction starts from the measured state at every step, through the nonlinear car (1), (3) itself, so that
+it needs no stable model, and errors do not add up.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lanekeep_baselines.policy import Floats
+from lanekeep_baselines.werling_lateral import SMALLEST, WerlingMeasured
+from lanekeep_baselines.werling_tyres import WerlingCar, axle_force, slip_angles
+
+
+class SteeringPath(NamedTuple):
+    """Lag and delay of the steering actuator and the control step, s; the delay is rounded up to whole steps."""
+
+    lag: float
+    delay: float
+    step: float
+
+    @property
+    def queued(self) -> int:
+        """Commands that were given and have not reached the lag yet."""
+        return math.ceil(self.delay / self.step - 1e-9)
+
+
+def rates(car: WerlingCar, state: tuple[Floats, ...], steer: Floats, v: Floats, kappa: Floats) -> tuple[Floats, ...]:
+    """Return the rates of (d, heading, beta, r) at constant speed, (n,) each: (1) and (3)."""
+    d, heading, beta, r = state
+    eta, rear_slip = slip_angles(beta, r, v, car.to_front, car.to_rear)
+    front = axle_force(steer - beta + eta, car.front_stiffness, car.front_peak)
+    rear = axle_force(rear_slip, car.rear_stiffness, car.rear_peak)
+    across = front * np.cos(steer - beta) + rear * np.cos(beta)
+    course = heading + beta
+    along = v * np.cos(course) / np.maximum(1.0 - d * kappa, SMALLEST)
+    moment = front * car.to_front * np.cos(steer) - rear * car.to_rear
+    return v * np.sin(course), r - kappa * along, across / (car.mass * v) - r, moment / car.yaw_inertia
+
+
+def _moved(state: tuple[Floats, ...], rate: tuple[Floats, ...], h: float) -> tuple[Floats, ...]:
+    return tuple(x + h * change for x, change in zip(state, rate, strict=True))
+
+
+def predict(
+    car: WerlingCar, path: SteeringPath, at: WerlingMeasured, steer: Floats, commands: Floats, kappas: Floats
+) -> tuple[WerlingMeasured, Floats]:
+    """Return the measurements and the road-wheel angle once the queued commands have run, (n,) each.
+
+    Runge-Kutta of fourth order, a control step each; the lag is solved exactly.
+
+    Args:
+        car: the car.
+        path: of the command to the road wheel.
+        at: measurements now; the speed is held.
+        steer: road-wheel angle now, rad.
+        commands: given and not arrived yet, the oldest first, rad, (n, m); m = 0 predicts nothing.
+        kappas: the path's curvature where the car will be in the middle of each of these steps, 1/m, (n, m).
+    """
+    h, lag = path.step, path.lag
+    half = math.exp(-0.5 * h / lag) if lag > 0.0 else 0.0
+    state: tuple[Floats, ...] = (at.d, at.heading, at.beta, at.r)
+    for command, kappa in zip(commands.T, kappas.T, strict=True):
+        first = command if lag == 0.0 else steer
+        middle, last = command + half * (first - command), command + half * half * (first - command)
+        a = rates(car, state, first, at.v, kappa)
+        b = rates(car, _moved(state, a, 0.5 * h), middle, at.v, kappa)
+        c = rates(car, _moved(state, b, 0.5 * h), middle, at.v, kappa)
+        e = rates(car, _moved(state, c, h), last, at.v, kappa)
+        mean = tuple((w + 2.0 * x + 2.0 * y + z) / 6.0 for w, x, y, z in zip(a, b, c, e, strict=True))
+        state, steer = _moved(state, mean, h), last
+    d, heading, beta, r = state
+    return WerlingMeasured(d, heading, beta, r, at.v), steer
+
+
+def queue_of(memory: Floats, fresh: Floats | bool, steer: Floats) -> Floats:
+    """Return the commands on their way, (n, m); rows that start have stood at the present road-wheel angle."""
+    return np.where(np.atleast_1d(fresh)[:, None], steer[:, None], memory)
+
+
+def advance_queue(queue: Floats, command: Floats) -> Floats:
+    """Return the queue after ``command`` (n,) was given: the oldest has arrived, (n, m)."""
+    return np.concatenate([queue, command[:, None]], axis=1)[:, 1:]
