@@ -25,7 +25,7 @@ class EvasiveEnv(LaneKeepEnv):
 
     ## Starting State
 
-    5 m before the lane change, along the path, within 0.8 m of it.
+    10 m before the lane change, along the path, within 0.8 m of it.
 
     ## Episode End
 

@@ -55,10 +55,10 @@ class Powertrain:
     creep_speed: float = 2.0
     brake: float = 9.0
     pedal_lag: float = 0.1
-    upshift: float = 165.0
-    upshift_throttle: float = 330.0
-    downshift: float = 95.0
-    downshift_throttle: float = 120.0
+    upshift: float = 105.0
+    upshift_throttle: float = 95.0
+    downshift: float = 60.0
+    downshift_throttle: float = 50.0
     shift_time: float = 0.25
     hold_time: float = 0.8
 

@@ -32,7 +32,7 @@ class EvasiveRoads(RoadRecord):
     shift: float = 3.5
     shift_length: float = 36.7
     side: str = "both"
-    before: float = 5.0
+    before: float = 10.0
 
     def __post_init__(self) -> None:
         require("road.shift", self.shift, "m", above=0.0, at_most=20.0)

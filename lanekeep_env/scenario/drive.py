@@ -165,6 +165,7 @@ class DriveScenario(LaneKeepScenario):
     start_lateral_error: float = 0.3
     start_course_error: float = 0.02
     reference_steering_rate: float = 0.2
+    observation: str = "full"
     control_step: float = 0.02
     episode_steps: int = 3000
     tyre: str = "magic_formula"
