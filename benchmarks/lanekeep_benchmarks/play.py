@@ -33,7 +33,14 @@ class Episode:
 
 
 #: What drives an environment unless told otherwise: the first of these that can.
-PREFERRED = ("yin-lqr-feedforward", "traechtler-inverse", "knightriders-circuit", "knightriders-cascade-kalman")
+PREFERRED = (
+    "werling-drive",
+    "werling-reverse-ahead",
+    "yin-lqr-feedforward",
+    "traechtler-inverse",
+    "knightriders-circuit",
+    "knightriders-cascade-kalman",
+)
 
 
 def preferred(env_id: str, **keywords: Any) -> str:

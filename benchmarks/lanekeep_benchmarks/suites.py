@@ -65,6 +65,11 @@ _COMMON: dict[str, Any] = {"preview": 12, "departure": "cost"}
 _ROADS: dict[str, Any] = {"kind": "random", "seed": 1}
 _YARD: dict[str, Any] = {"kind": "yard", "seed": 1}
 _CAMERA: dict[str, Any] = {"departure": "cost"}
+_DRIVE: dict[str, Any] = {
+    "departure": "cost",
+    "road": {"kind": "random", "seed": 1, "peak_curvature": 0.004, "design_speed": 25.0},
+    "traffic": {"seed": 1},
+}
 # Wall following with the true heading in sight, which some of the published controllers need.
 _WALL: dict[str, Any] = {
     "contact": "cost",
@@ -205,6 +210,65 @@ SUITES: dict[str, Suite] = {
                     env_id="lanekeep/Circuit-v0",
                 ),
             ),
+        ),
+        Suite(
+            name="manoeuvres",
+            description="a full-size car: evasive paths at 55 km/h, tight paths backwards",
+            episodes=128,
+            scenarios=(
+                SuiteScenario(
+                    "evasive",
+                    "Lane change of 3.5 m over 36.7 m, start within 0.8 m of the path",
+                    {"departure": "cost"},
+                    env_id="lanekeep/Evasive-v0",
+                ),
+                SuiteScenario(
+                    "evasive-mismatch",
+                    "The same with cars of the set 'mismatch'",
+                    {"departure": "cost", "randomisation": "mismatch"},
+                    env_id="lanekeep/Evasive-v0",
+                ),
+                SuiteScenario(
+                    "evasive-slippery",
+                    "The same on friction 0.45, which the policies know",
+                    {"departure": "cost", "friction": 0.45},
+                    env_id="lanekeep/Evasive-v0",
+                ),
+            ),
+        ),
+        Suite(
+            name="reverse",
+            description="backwards at walking speed along bends of 5 to 12 m radius",
+            episodes=128,
+            scenarios=(
+                SuiteScenario(
+                    "parking",
+                    "Start within 0.2 m and 3 degrees",
+                    {"departure": "cost", "road": {"kind": "parking", "seed": 1}},
+                    env_id="lanekeep/ReversePath-v0",
+                ),
+            ),
+            family="werling",
+        ),
+        Suite(
+            name="drive",
+            description="steering, throttle and brake among random set speeds, slower cars and stop points",
+            episodes=128,
+            scenarios=(
+                SuiteScenario(
+                    "traffic",
+                    "Random timelines, slopes and wind",
+                    _DRIVE,
+                    env_id="lanekeep/Drive-v0",
+                ),
+                SuiteScenario(
+                    "traffic-mismatch",
+                    "The same with cars of the set 'mismatch'",
+                    {"randomisation": "mismatch", **_DRIVE},
+                    env_id="lanekeep/Drive-v0",
+                ),
+            ),
+            family="werling",
         ),
         Suite(
             name="camera",
