@@ -63,7 +63,7 @@ def choose(name: str, value: Any, allowed: Iterable[str]) -> None:
 
 def from_mapping(record: type[T], mapping: Mapping[str, Any], name: str) -> T:
     """Build the frozen dataclass ``record``; an unknown key is an error that names the nearest field."""
-    allowed = [f.name for f in fields(record)]  # type: ignore[arg-type]
+    allowed = [f.name for f in fields(record) if f.init]  # type: ignore[arg-type]
     for key in mapping:
         if key not in allowed:
             raise ValueError(f"{name} has no field {key!r}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")

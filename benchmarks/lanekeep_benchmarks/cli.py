@@ -202,6 +202,8 @@ def play_command(
             playing.write_gif(file, frames, episode.seconds)
     left, kept = ("left its lane", "stayed in its lane") if where == "road" else ("touched a wall", "touched none")
     end = left if episode.departed else kept
+    if episode.lap_time > 0.0:
+        end += f", lap time {episode.lap_time:.2f} s"
     print(
         f"{policy} drove {episode.seconds:.1f} s, RMS lateral error {episode.rms_lateral_error:.3f} m, "
         f"peak {episode.peak_lateral_error:.3f} m, and {end}" + ("" if human else f"; pictures: {file}")

@@ -122,12 +122,12 @@ def drive(env: Any, policy: Policy, seeds: Sequence[int], options: Mapping[str, 
 
 
 def measure(
-    steps: Iterator[Step], lanes: int, lap_step: float | None = None
+    steps: Iterator[Step], lanes: int, lap_limit: float | None = None
 ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.bool_], NDArray]:
     """Reduce steps to (metrics by name, failed, steps driven), arrays of shape (lanes,).
 
-    Where laps are driven, ``lap_step`` is the control step in s: the lap time takes the place of the errors, a lap that
-    was not done has failed and counts as long as it was driven.
+    Where laps are driven, the lap time takes the place of the errors; a lap that was not done has failed and counts as
+    ``lap_limit``, the length of an episode in s.
     """
     squared_error, peak_error, squared_rate, peak_acceleration, total, lap = np.zeros((6, lanes))
     failed = np.zeros(lanes, dtype=bool)
@@ -142,18 +142,20 @@ def measure(
         np.add(total, step.reward, out=total, where=alive)
         np.maximum(peak_error, error, out=peak_error, where=alive)
         np.maximum(peak_acceleration, acceleration, out=peak_acceleration, where=alive)
-        failed |= alive & ~np.asarray(info["is_success"], dtype=bool)
-        count += alive
-        if lap_step is not None:
+        succeeds = np.asarray(info["is_success"], dtype=bool)
+        if lap_limit is None:
+            failed |= alive & ~succeeds
+        else:  # a success is at the end
+            np.copyto(failed, ~succeeds, where=alive)
             np.copyto(lap, info["lap_time"], where=alive)
+        count += alive
     effort = {
         "rms_steering_rate": np.sqrt(squared_rate / count),
         "peak_lateral_acceleration": peak_acceleration,
         "return": total,
     }
-    if lap_step is not None:
-        done = lap > 0.0
-        return {"lap_time": np.where(done, lap, count * lap_step), **effort}, failed | ~done, count
+    if lap_limit is not None:
+        return {"lap_time": np.where(failed, lap_limit, lap), **effort}, failed, count
     errors = {"rms_lateral_error": np.sqrt(squared_error / count), "peak_lateral_error": peak_error}
     return {**errors, **effort}, failed, count
 
@@ -185,8 +187,8 @@ def evaluate(
             scenario_hash = scenario.hash(definition.hash)
             for name in filter(missing.get, policies):
                 policy = make_policy(name, definition)
-                lap_step = definition.control_step if hasattr(definition, "laps") else None
-                metrics, failed, count = measure(drive(env, policy, seeds, scenario.options), len(seeds), lap_step)
+                limit = definition.episode_steps * definition.control_step if hasattr(definition, "laps") else None
+                metrics, failed, count = measure(drive(env, policy, seeds, scenario.options), len(seeds), limit)
                 yield [
                     EpisodeResult(
                         suite=suite.name,

@@ -113,14 +113,16 @@ def _count(i, lanes, settings):
 
 
 @helper
-def _report(i, lateral, heading, lanes, outcome):
-    """Copy the truth that a state decides."""
+def _report(i, lateral, heading, lanes, settings, outcome):
+    """Copy the truth that a state decides; on a circuit a success is a lap, or as many as are asked for."""
     outcome[at.O_LATERAL_ERROR, i] = lateral
     outcome[at.O_HEADING_ERROR, i] = heading
     outcome[at.O_LATERAL_ACCELERATION, i] = lanes[at.ACCELERATION, i]
     outcome[at.O_SPEED, i] = lanes[at.SPEED, i]
     outcome[at.O_ARC_LENGTH, i] = lanes[at.STATION, i]
-    outcome[at.O_SUCCESS, i] = like(lanes[0, 0], 1.0) - lanes[at.DEPARTED, i]
+    zero, one = like(lanes[0, 0], 0.0), like(lanes[0, 0], 1.0)
+    misses = settings[at.TASK] == at.CIRCUIT and lanes[at.LAPS_DONE, i] < settings[at.LAPS]
+    outcome[at.O_SUCCESS, i] = zero if misses else one - lanes[at.DEPARTED, i]
     outcome[at.O_X, i] = lanes[at.ALONG, i]
     outcome[at.O_Y, i] = lanes[at.LATERAL, i]
     outcome[at.O_DISTANCE, i] = like(lanes[0, 0], NO_ECHO) if np.isnan(lanes[at.RIGHT, i]) else lanes[at.RIGHT, i]
@@ -237,7 +239,7 @@ def _drive(i, lanes, counters, worlds, settings, outcome, block):
     outcome[at.O_TRUNCATED, i] = one if lanes[at.STEP, i] >= smaller(horizon, settings[at.MAX_STEPS]) else zero
     outcome[at.O_STEERING_RATE, i] = rate
     outcome[at.O_COST, i] = one if counts else zero
-    _report(i, lateral, heading, lanes, outcome)
+    _report(i, lateral, heading, lanes, settings, outcome)
 
 
 @helper
@@ -295,7 +297,7 @@ def _start(
     outcome[at.O_STEERING_RATE, i] = zero
     outcome[at.O_COST, i] = zero
     _, aside, turned = _follow_line(i, lanes, counters, worlds, settings)
-    _report(i, aside, turned, lanes, outcome)
+    _report(i, aside, turned, lanes, settings, outcome)
     scan = (numbers, beams, rows, fan, held)
     _observe(i, lane, lanes, counters, worlds, settings, sensors, numbers, scan, outcome, observation, block)
 

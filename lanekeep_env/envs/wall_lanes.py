@@ -20,6 +20,8 @@ from lanekeep_env.sensing.measure import TRUTH
 from lanekeep_env.walls import World, WorldRecord, pack
 from lanekeep_env.walls.raycast import SCRATCH_ROWS, beam_table
 
+#: Farther from the origin a step of a millimetre is lost in float32, m.
+LARGEST_FLOAT32 = 1000.0
 #: What ``reset(options=...)`` may fix, in the order of the kernel's start rows.
 START_OPTIONS = ("lateral_error", "heading_error", "start_index", "world_index")
 
@@ -107,6 +109,14 @@ class WallLanes:
         """Fetch what is not kept in a pickle: tables (large, constant), scratch arrays and compiled functions."""
         s = self.scenario
         walls, index, line, starts = world_tables(s.world, s.world.fingerprint(), self.dtype)
+        farthest = float(np.abs(walls).max())
+        if self.dtype == "float32" and farthest > LARGEST_FLOAT32:
+            raise ValueError(
+                f"dtype='float32' is not allowed for this world: walls lie {farthest:.0f} m from its origin, allowed "
+                f"are {LARGEST_FLOAT32:.0f} m; use float64, or an origin near the walls"
+            )
+        if s.task == at.CIRCUIT and (index[:, at.I_POINTS] < 2).any():
+            raise ValueError("world has no centre line, so there is no lap to drive; allowed: generated worlds")
         blocks = len(self.lanes)
         most = int((index[:, at.I_END] - index[:, at.I_FIRST]).max())
         scratch = np.zeros((blocks, SCRATCH_ROWS, most), dtype=self.dtype)

@@ -47,14 +47,18 @@ class Servo:
             require(f"servo.{name}", getattr(self, name), "rad", above=0.0, at_most=1.5, optional=True)
         require("servo.ticks", self.ticks, "", at_least=0, whole=True)
         if self.angles is not None:
+            if not isinstance(self.angles, tuple | list):
+                raise ValueError(
+                    f"servo.angles={self.angles!r} is not allowed: an odd number of angles, at least 3, rad"
+                )
+            for angle in self.angles:
+                require("servo.angles", angle, "rad", at_least=-1.5, at_most=1.5)
             object.__setattr__(self, "angles", tuple(float(angle) for angle in self.angles))
             if len(self.angles) < 3 or len(self.angles) % 2 == 0 or self.left is not None or self.right is not None:
                 raise ValueError(
                     f"servo.angles={self.angles!r} is not allowed: an odd number of angles, at least 3, and neither "
                     "left nor right beside them"
                 )
-            for angle in self.angles:
-                require("servo.angles", angle, "rad", at_least=-1.5, at_most=1.5)
             if any(after <= before for before, after in zip(self.angles[:-1], self.angles[1:], strict=True)):
                 raise ValueError(
                     f"servo.angles={self.angles!r} is not allowed: the angles must rise from right to left"
@@ -254,6 +258,7 @@ class WallFollowScenario(ScenarioRecord):
             sensor.check(channel, self.control_step)
         multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay, self.integration_step)
         multiple_of_step("scan.period", self.scan.period, self.control_step)
+        self._check_turn(self.largest_speed or self.speed.maximum)
 
     def _check_angles(self) -> None:
         """Command, servo and offset together must leave the wheel short of standing across."""
@@ -265,6 +270,16 @@ class WallFollowScenario(ScenarioRecord):
             raise ValueError(
                 f"steering_offset={self.steering_offset!r} is not allowed: with the steering angle of {largest:g} rad "
                 f"it must be <= {LARGEST_ANGLE} rad in all"
+            )
+
+    def _check_turn(self, fastest: float) -> None:
+        """Raise ValueError where the car could make half a turn in a control step: contact is swept between steps."""
+        angle = self.max_steering_angle + max(abs(bound) for bound in self.steering_offset)
+        turn = fastest * self.control_step * math.tan(min(angle, 1.5)) / self.vehicle.wheelbase
+        if turn >= math.pi:
+            raise ValueError(
+                f"control_step={self.control_step!r} is not allowed: at {fastest:g} m/s and full steering the car "
+                f"would turn by {turn:.1f} rad in it, more than half a turn (contact is looked for once a control step)"
             )
 
     @property

@@ -1,5 +1,7 @@
 """Thousands of random episodes over the whole parameter range: no NaN, no exception, observations inside the space."""
 
+import math
+
 import gymnasium as gym
 import numpy as np
 
@@ -78,6 +80,11 @@ def random_keywords(rng, circuit):
             "max_acceleration": pick(0.5, 2.0, 500.0),
             "laps": int(rng.integers(1, 3)),
         }
+    # At the highest speeds only angles at which the car does not make half a turn in a control step.
+    fastest = keywords["max_speed"] if circuit else keywords["speed"]
+    fastest = 5.0 if isinstance(fastest, dict) else max(fastest, 0.1)
+    sharpest = math.atan(0.9 * math.pi * 0.25 / (fastest * keywords["control_step"])) - 0.1
+    keywords["max_steering_angle"] = max(0.02, min(keywords["max_steering_angle"], sharpest))
     return keywords
 
 

@@ -166,7 +166,28 @@ def write(folder, grey=None, **changes):
     return path
 
 
-@pytest.mark.parametrize("name", [WALL, CIRCUIT])
+def test_a_map_has_no_line_to_drive_laps_along(tmp_path, monkeypatch):
+    write(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match="no centre line"):
+        gym.make(CIRCUIT, world="my_map.yaml")
+
+
+def test_half_a_turn_in_a_control_step_is_refused():
+    with pytest.raises(ValueError, match=r"control_step=1\.0 is not allowed: at 5\.443 m/s"):
+        gym.make(WALL, control_step=1.0, speed=5.443, steering_offset=0.0)
+
+
+def test_float32_is_refused_far_from_the_origin(tmp_path, monkeypatch):
+    write(tmp_path, origin=[499990.0, 899990.0, 0.0])
+    monkeypatch.chdir(tmp_path)
+    world = {"kind": "map", "path": "my_map.yaml", "x": 499993.0, "y": 899993.0}
+    gym.make(WALL, world=world)
+    with pytest.raises(ValueError, match="float32"):
+        gym.make(WALL, world=world, dtype="float32")
+
+
+@pytest.mark.parametrize("name", [WALL])
 def test_a_map_of_ones_own_is_driven_by_its_path_alone(tmp_path, monkeypatch, name):
     """From a cell map of 10 m x 6 m: distances to its walls, scan, contact with them; also relative and in JSON."""
     write(tmp_path)
