@@ -172,8 +172,8 @@ class WerlingDrive(WerlingLateralAhead):
     #: Of the acceleration's integrator, 1/s.
     integration: ClassVar[float] = 0.8
     #: Below this speed (m/s) and this wanted acceleration (m/s²) the car stands; brake that holds it, share.
-    stands: ClassVar[tuple[float, float]] = (0.03, 0.1)
-    holding: ClassVar[float] = 0.3
+    stands: ClassVar[tuple[float, float]] = (0.01, 0.1)
+    holding: ClassVar[float] = 0.12
 
     def __init__(self, scenario: DriveScenario) -> None:
         super().__init__(scenario)
@@ -205,7 +205,7 @@ class WerlingDrive(WerlingLateralAhead):
         engine_speed = np.maximum(v * ratio, train.idle_speed)
         found = split_range(self._engine, asked, engine_speed, ratio, resistance, train.brake, 1.0)
         # On the slipping converter a closed throttle does not drag: the brake does all.
-        slips = (v * ratio < train.idle_speed) & (found.throttle <= 0.0)
+        slips = (v * ratio < train.idle_speed) & (asked + resistance <= 0.0)
         brake = np.where(slips, np.clip(-(asked + resistance) / train.brake, 0.0, 1.0), found.pressure)
         expected = np.where(slips, -train.brake * brake - resistance, found.expected)
         standing = (v < self.stands[0]) & (wanted < self.stands[1])
