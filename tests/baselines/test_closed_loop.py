@@ -14,9 +14,11 @@ from lanekeep_env.scenario import CameraLaneScenario, LaneKeepScenario, RoadScen
 
 #: Largest speed, m/s; the van's steering motor, with a lag of 0.25 s, is made for walking speed.
 FASTEST = {"van": 15.0}
+#: Cars for roads; the 1:10 ones are made for walls, at 2 m/s.
+CARS = [name for name, car in VEHICLES.items() if car.mass > 100.0]
 
 
-@pytest.mark.parametrize("vehicle", VEHICLES)
+@pytest.mark.parametrize("vehicle", CARS)
 @pytest.mark.parametrize("name", lanekeep_baselines.names(LaneKeepScenario(preview=1)))
 def test_stable_with_sideslip_at_design_speeds_and_between(bench, name: str, vehicle: str) -> None:
     scenario = LaneKeepScenario(vehicle=VEHICLES[vehicle], preview=1)
@@ -30,7 +32,7 @@ def test_stable_with_sideslip_at_design_speeds_and_between(bench, name: str, veh
             assert np.min(-rates.real / np.abs(rates)) > 0.1, f"damping at {speed} m/s"
 
 
-@pytest.mark.parametrize("vehicle", VEHICLES)
+@pytest.mark.parametrize("vehicle", CARS)
 @pytest.mark.parametrize("name", lanekeep_baselines.names(LaneKeepScenario(preview=1)))
 def test_stable_and_exact_without_slip(bench, name: str, vehicle: str) -> None:
     scenario = LaneKeepScenario(vehicle=VEHICLES[vehicle], dynamics="kinematic", preview=1)
@@ -43,7 +45,7 @@ def test_stable_and_exact_without_slip(bench, name: str, vehicle: str) -> None:
         assert abs(states[-1, 0, 4]) < 5e-3
 
 
-@pytest.mark.parametrize("vehicle", VEHICLES)
+@pytest.mark.parametrize("vehicle", CARS)
 def test_feedforward_has_no_steady_error_in_a_curve(bench, vehicle: str) -> None:
     scenario = LaneKeepScenario(vehicle=VEHICLES[vehicle], preview=3)
     policy = lanekeep_baselines.make("yin-lqr-feedforward", scenario)

@@ -115,7 +115,7 @@ def test_it_says_what_it_needs() -> None:
     assert NAME not in lanekeep_baselines.names(WallFollowScenario())
     with pytest.raises(ValueError, match=r"needs the channel 'scan_0'"):
         lanekeep_baselines.make(NAME, CircuitScenario(scan="none"))
-    with pytest.raises(ValueError, match=r"is not for WallFollowScenario, which has no 'max_speed'"):
+    with pytest.raises(ValueError, match=r"gives 2 number\(s\) an action, the scenario asks for 1"):
         lanekeep_baselines.make(NAME, WallFollowScenario(scan="perfect"))
 
 

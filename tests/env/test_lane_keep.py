@@ -289,4 +289,11 @@ def test_random_driving_never_leaves_the_numbers():
 
 def test_public_names():
     assert lanekeep_env.__version__
-    assert set(lanekeep_env.VEHICLES) == {"yin", "van", "commonroad-1", "commonroad-2", "commonroad-3"}
+    assert set(lanekeep_env.VEHICLES) == {
+        "yin",
+        "van",
+        "passat",
+        "knightriders",
+        "pses",
+        *(f"commonroad-{k}" for k in (1, 2, 3)),
+    }
