@@ -96,6 +96,7 @@ def pull(i, lanes, settings, drive):
     free = drives - holds
     standing = v < like(h, STANDS)
     acceleration = larger(free, zero) if standing else free
-    lanes[at.PULL, i] = larger(acceleration, -v / h)  # a car that stops within the sub-step stands at its end
-    after = v + lanes[at.PULL, i] * h
+    # A car that stops within the sub-step stands at its end, whatever rounding leaves of it.
+    lanes[at.PULL, i] = larger(acceleration, -v / h * like(h, 1.0 + 1e-6))
+    after = larger(v + lanes[at.PULL, i] * h, zero)
     lanes[at.WAY, i] += like(h, 0.5) * (v + after) * h

@@ -37,8 +37,8 @@ def test_an_evasive_path_is_the_quintic_in_world_coordinates(shift, length):
         curvature = side * bend / (1 + slope**2) ** 1.5
         np.testing.assert_allclose(road.curvature(s), curvature, atol=0.01 * np.abs(curvature).max())
         # its length, by scipy
-        way = quad(lambda u: length * math.hypot(1.0, U.deriv()(u) * shift / length), 0.0, 1.0, epsabs=1e-10)[0]  # noqa: B023
-        end = brentq(lambda s: road.position(s)[0] - 5.0 - length, way, road.length)  # noqa: B023
+        way = quad(lambda u: length * math.hypot(1.0, U.deriv()(u) * shift / length), 0.0, 1.0, epsabs=1e-10)[0]
+        end = brentq(lambda s, road=road: road.position(s)[0] - 5.0 - length, way, road.length)
         assert end == pytest.approx(5.0 + way, abs=1e-3)
 
 

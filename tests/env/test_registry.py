@@ -113,8 +113,10 @@ BACKING_UP = {
 }
 DRIVING = {
     **EVASIVE,
-    "dynamics": ["dynamic"],
-    "tyre": ["magic_formula"],
+    "dynamics": [],  # nothing else is allowed
+    "tyre": [],
+    "speed": [18.0, {"lateral_acceleration": 2.0, "maximum": 25.0}],
+    "reference_steering_rate": [0.3],
     "road": ["yin", {"kind": "circle", "radius": 150.0}],
     "start_lateral_error": [0.2],
     "observation": ["full"],
