@@ -85,9 +85,8 @@ class Second:
             a += p.creep * min(max(1 - self.v / p.creep_speed, 0.0), 1.0)
         air = self.v + self.wind
         a -= p.brake * self.brake + 0.6 * p.drag_area * air * abs(air) / self.mass + p.rolling * G
-        if self.v < 1e-3:
-            a = max(a, 0.0)
-        self.v = max(self.v + a * h, 0.0)
+        stands = self.v < 1e-3 and a <= 0.0
+        self.v = 0.0 if stands else max(self.v + a * h, 0.0)
 
 
 def random_pedals(seed, steps):
@@ -149,6 +148,14 @@ def test_full_brake_decelerates_with_its_number_and_the_resistances_until_the_ca
     assert len(stands) > 100 and (np.diff(stands) == 1).all() and stands[-1] == 400
     before = env.step(np.array([0.0, -1.0], np.float32))[4]["arc_length"]
     assert env.step(np.array([0.0, -1.0], np.float32))[4]["arc_length"] == before
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_a_car_that_rolls_out_stands_still_in_the_end(dtype):
+    for speed in np.linspace(0.3, 0.4, 9):
+        env = make(speed, powertrain={"creep": 0.0, "rolling": 0.003}, dtype=dtype)
+        got = drive(env, np.zeros(2000))
+        np.testing.assert_array_equal(got[-400:, :2], 0.0)
 
 
 def test_released_pedals_creep_at_the_speed_where_pull_and_resistance_are_equal():
@@ -294,10 +301,10 @@ def test_meeting_the_car_ahead_ends_the_episode_and_costs_the_cap_for_the_rest(s
     events = [(0, "speed", 15.0), (0, "lead", 10.0, 5.0)]
     for dtype in ("float64", "float32"):
         env = make(traffic=events, control_step=0.02, episode_steps=steps, dtype=dtype)
-        for count in range(1, 400):
+        count, terminated = 0, False
+        while not terminated and count < 400:
             observation, reward, terminated, truncated, info = env.step(np.array([0.0, 0.3], np.float32))
-            if terminated:
-                break
+            count += 1
         assert terminated and not truncated
         assert 45 <= count <= 55  # 10 m at 10 m/s
         assert reward == pytest.approx(-16.0 * 0.02 * (steps - count + 1), rel=1e-6)
