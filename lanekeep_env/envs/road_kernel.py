@@ -289,9 +289,9 @@ def _start(
 ):
     """Start the next episode of a lane: state, truth and observation."""
     counters[at.EPISODE, i] += 1
-    start_lane(i, lateral, heading, station, road_index, lanes, counters, road, roads, settings)
     if drive is not None:
         counters[at.TIMELINE, i] = start_drive(i, lanes, counters, settings, drive, timelines)
+    start_lane(i, lateral, heading, station, road_index, lanes, counters, road, roads, settings)
     zero = like(lanes[0, 0], 0.0)
     outcome[at.O_STEERING_RATE, i] = zero
     outcome[at.O_COST, i] = zero

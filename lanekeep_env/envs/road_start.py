@@ -177,6 +177,8 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
         target = set_speed(i, key, np.int64(0), lanes, settings)
         v = min(target, v)
     model = settings[at.MODEL]
+    if model == at.DRIVEN:
+        v = target = np.float64(lanes[at.SET_SPEED, i])  # of `start_drive`
     slips = model == at.LINEAR or model == at.MAGIC_FORMULA or model == at.DRIVEN
     steer, beta, r = steady_turning(
         v,
@@ -221,13 +223,15 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
 def start_drive(i, lanes, counters, settings, drive, timelines):
     """Set pedals, gear and surroundings of lane i to the start of its episode; return its timeline.
 
-    The car starts at the speed that is set at first, in a gear that suits it.
+    The car starts at the speed that is set at first, in a gear that suits it; `start_lane`, which follows, takes it
+    from there.
     """
     key = derive(np.uint64(counters[at.KEY, i]), counters[at.EPISODE, i])
     which = np.int64(uniform(key, DRAW_TIMELINE) * timelines.shape[0])
     zero, far = like(lanes[0, 0], 0.0), like(lanes[0, 0], at.FAR)
     for row in (at.PULL, at.PEDAL, at.THROTTLE, at.BRAKE, at.SHIFT, at.SET_SPEED, at.LEAD_SPEED, at.EVENT, at.WAY):
         lanes[row, i] = zero
+    lanes[at.STEP, i] = zero  # the time of the first events
     lanes[at.LEAD_GAP, i] = far
     lanes[at.STOP_GAP, i] = far
     low, high = np.float64(settings[at.SLOPES]), np.float64(settings[at.SLOPES + 1])
@@ -235,6 +239,5 @@ def start_drive(i, lanes, counters, settings, drive, timelines):
     low, high = np.float64(settings[at.WINDS]), np.float64(settings[at.WINDS + 1])
     lanes[at.WIND, i] = low + (high - low) * uniform(key, DRAW_WIND)
     happen(i, lanes, timelines[which], settings)
-    lanes[at.SPEED, i] = lanes[at.SET_SPEED, i]
-    lanes[at.GEAR, i] = choose_gear(lanes[at.SPEED, i], drive)
+    lanes[at.GEAR, i] = choose_gear(lanes[at.SET_SPEED, i], drive)
     return which

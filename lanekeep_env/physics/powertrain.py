@@ -95,7 +95,8 @@ def pull(i, lanes, settings, drive):
     holds = lanes[at.BRAKE, i] * drive[at.D_BRAKE] + resistance(v, lanes[at.WIND, i], drive, mass)
     free = drives - holds
     standing = v < like(h, STANDS)
-    acceleration = larger(free, zero) if standing else free
-    lanes[at.PULL, i] = larger(acceleration, -v / h)  # a car that stops within the sub-step stands at its end
-    after = v + lanes[at.PULL, i] * h
+    # A car that stops within the sub-step stands at its end, whatever rounding leaves of it.
+    stop = -v / h * like(h, 1.0 + 1e-6)
+    lanes[at.PULL, i] = stop if standing and free <= zero else larger(free, stop)
+    after = larger(v + lanes[at.PULL, i] * h, zero)
     lanes[at.WAY, i] += like(h, 0.5) * (v + after) * h

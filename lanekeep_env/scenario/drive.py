@@ -37,7 +37,7 @@ class Traffic:
             "lead_gone", "stop" (distance of a stop point in m), "stop_gone".
         count: random timelines in the set; an episode's key chooses one.
         duration: of each of them, s.
-        largest_speed: m/s.
+        largest_speed: m/s, 30 at the most: who sees 200 m cannot stop from more with 3 m/s².
         seed: of the set.
     """
 
@@ -56,7 +56,7 @@ class Traffic:
             raise ValueError('traffic.events must begin with (0.0, "speed", m/s)')
         require("traffic.count", self.count, "timelines", at_least=1, at_most=100_000, whole=True)
         require("traffic.duration", self.duration, "s", above=0.0)
-        require("traffic.largest_speed", self.largest_speed, "m/s", at_least=5.0, at_most=60.0)
+        require("traffic.largest_speed", self.largest_speed, "m/s", at_least=5.0, at_most=30.0)
         require("traffic.seed", self.seed, "", at_least=0, whole=True)
         plain_numbers(self)
 

@@ -15,9 +15,10 @@ STANDING_GAP, TIME_GAP, BRAKING = 4.0, 1.5, 1.7
 @helper
 def happen(i, lanes, timeline, settings):
     """Let the events of a timeline happen whose time has come in lane i."""
-    time = lanes[at.STEP, i] * settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    time = np.float64(lanes[at.STEP, i]) * np.float64(settings[at.STEP_TIME]) * np.float64(settings[at.SUBSTEPS])
+    time += 1e-6 + 1e-7 * time  # a single-precision step time is that much off
     event = np.int64(lanes[at.EVENT, i])
-    while event < timeline.shape[0] and timeline[event, at.E_TIME] <= time + 1e-6:
+    while event < timeline.shape[0] and timeline[event, at.E_TIME] <= time:
         kind, first, second = timeline[event, at.E_KIND], timeline[event, at.E_FIRST], timeline[event, at.E_SECOND]
         if kind == at.SPEED_EVENT:
             lanes[at.SET_SPEED, i] = first

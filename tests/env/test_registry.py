@@ -92,6 +92,44 @@ BETWEEN_WALLS = {
     "sensors": ["poor", {"yaw_rate": {"bias": 0.05, "delay": 0.09}}],
     "control_step": [0.03],
 }
+EVASIVE = {
+    **ON_A_ROAD,
+    "vehicle": ["yin", {"base": "passat", "mass": 2000.0, "steering": {"lag": 0.05, "delay": 0.07}}],
+    "tyre": ["linear"],
+    "road": [{"kind": "evasive", "side": "left", "before": 8.0}, {"kind": "circle", "radius": 150.0}],
+    "max_steering_angle": [0.3],
+    "reference_steering_rate": [0.2],
+    "observation": ["measured"],
+    "episode_steps": [200],
+}
+BACKING_UP = {
+    **{key: value for key, value in EVASIVE.items() if key not in ("dynamics", "tyre", "friction")},
+    "road": [{"kind": "parking", "count": 3, "smallest_radius": 6.0}, {"kind": "circle", "radius": -8.0}],
+    "speed": [0.8, {"minimum": 0.3, "maximum": 1.0, "hold": 2.0, "standstill": 0.2}],
+    "start_lateral_error": [0.3],
+    "lane_width": [2.5],
+    "observation": ["full"],
+    "episode_steps": [300],
+}
+DRIVING = {
+    **EVASIVE,
+    "dynamics": [],  # nothing else is allowed
+    "tyre": [],
+    "speed": [18.0, {"lateral_acceleration": 2.0, "maximum": 25.0}],
+    "reference_steering_rate": [0.3],
+    "road": ["yin", {"kind": "circle", "radius": 150.0}],
+    "start_lateral_error": [0.2],
+    "observation": ["full"],
+    "episode_steps": [300],
+    "powertrain": [{"gears": (3.5, 2.0, 1.2), "pedal_lag": 0.0}, {"creep": 0.0, "brake": 6.0}],
+    "traffic": [
+        [(0, "speed", 8), (0.2, "lead", 12, 5.0), (0.5, "lead_gone"), (0.6, "stop", 20.0), (0.9, "stop_gone")],
+        {"count": 4, "largest_speed": 30.0},
+    ],
+    "slope": [0.05, (-0.1, 0.02)],
+    "wind": [-8.0, (0.0, 10.0)],
+    "reference_speed_error": [1.0],
+}
 IN_A_CIRCUIT = {**BETWEEN_WALLS, "max_speed": [1.0], "max_acceleration": [1.0], "laps": [2]}
 #: Every option of an id with a value beside its default.
 OPTIONS = {
@@ -101,6 +139,9 @@ OPTIONS = {
     "lanekeep/TurnOff-v0": BY_CAMERA,
     "lanekeep/WallFollow-v0": BETWEEN_WALLS,
     "lanekeep/Circuit-v0": IN_A_CIRCUIT,
+    "lanekeep/Evasive-v0": EVASIVE,
+    "lanekeep/ReversePath-v0": BACKING_UP,
+    "lanekeep/Drive-v0": DRIVING,
 }
 
 

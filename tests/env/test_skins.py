@@ -11,6 +11,8 @@ import lanekeep_env  # noqa: F401
 ID = "lanekeep/LaneKeep-v0"
 CAMERA, TURN_OFF = "lanekeep/CameraLane-v0", "lanekeep/TurnOff-v0"
 WALL, CIRCUIT = "lanekeep/WallFollow-v0", "lanekeep/Circuit-v0"
+EVASIVE, REVERSE, DRIVE = "lanekeep/Evasive-v0", "lanekeep/ReversePath-v0", "lanekeep/Drive-v0"
+CLOSE = [(0, "speed", 8), (0.2, "lead", 3, 4.0), (0.9, "lead_gone"), (1.0, "stop", 12.0), (1.1, "stop_gone")]
 NARROW = {"kind": "random-circuits", "count": 5, "widest": 1.5, "glass_share": 0.3}
 FAULTY_SCAN = {"beams": 23, "noise": 0.01, "missing_every": 7, "missing_rim": 1, "jump_errors": 0.5, "period": 0.09}
 YARD = {"kind": "yard", "count": 8}
@@ -32,10 +34,17 @@ VARIANTS = [
     (WALL, {"vehicle": {"base": "knightriders", "steering": {"lag": 0.05, "delay": 0.07}}, "contact": "cost"}),
     (CIRCUIT, {"world": NARROW, "sensors": "production", "scan": "kinect", "encoder_ticks": 40}),
     (CIRCUIT, {"world": NARROW, "dynamics": "dynamic", "randomisation": "stress", "observation": "full"}),
+    (EVASIVE, {"friction": 0.4, "randomisation": "stress", "sensors": "poor"}),
+    (REVERSE, {"speed": {"minimum": 0.5, "maximum": 3.0, "hold": 0.4, "standstill": 0.3}, "observation": "full"}),
+    (REVERSE, {"randomisation": "stress", "sensors": "poor", "action": "steering_rate"}),
+    (DRIVE, {}),
+    (DRIVE, {"traffic": CLOSE, "randomisation": "stress", "sensors": "poor", "observation": "full", "preview": 2}),
+    (DRIVE, {"traffic": CLOSE, "departure": "cost", "vehicle": {"steering": {"lag": 0.1, "delay": 0.07}}}),
 ]
 #: Ids whose vector form is compared over numbers of lanes and threads.
 MANY = [(ID, {}), (CAMERA, {"road": YARD, "sensors": "poor", "speed": {"hold": 0.4}})]
 MANY += [(CIRCUIT, {"world": NARROW, "sensors": "poor", "scan": FAULTY_SCAN, "encoder_ticks": 8})]
+MANY += [(DRIVE, {"traffic": CLOSE, "randomisation": "stress", "sensors": "poor"})]
 
 
 def gentle(rng, steps, env, spread=0.15):
@@ -96,7 +105,7 @@ def test_a_lane_does_not_depend_on_the_number_of_lanes_or_threads(name, keywords
                 np.testing.assert_array_equal(a[[0, lanes - 1]], b)
 
 
-@pytest.mark.parametrize("name", [ID, TURN_OFF, WALL, CIRCUIT])
+@pytest.mark.parametrize("name", [ID, TURN_OFF, WALL, CIRCUIT, EVASIVE, REVERSE, DRIVE])
 @pytest.mark.parametrize("steps", [1, 7, 45])
 def test_truncation_is_the_same_in_all_skins(steps, name):
     keywords = {"contact" if name in (WALL, CIRCUIT) else "departure": "off", "max_episode_steps": steps}
@@ -152,7 +161,7 @@ def test_an_episode_ends_at_its_own_length_or_the_shorter_limit(keywords, steps)
         assert ends == [False] * (steps - 1) + [True]
 
 
-@pytest.mark.parametrize("name", [ID, CAMERA, WALL, CIRCUIT])
+@pytest.mark.parametrize("name", [ID, CAMERA, WALL, CIRCUIT, EVASIVE, REVERSE, DRIVE])
 def test_reset_mask_restarts_only_the_chosen_lanes(name):
     vector = gym.make_vec(name, 5, "vector_entry_point", autoreset_mode="disabled")
     reference = gym.make_vec(name, 5, "vector_entry_point", autoreset_mode="disabled")
@@ -170,7 +179,7 @@ def test_reset_mask_restarts_only_the_chosen_lanes(name):
     np.testing.assert_array_equal(vector.step(actions)[0][~mask], reference.step(actions)[0][~mask])
 
 
-@pytest.mark.parametrize("name", [ID, CAMERA, TURN_OFF, WALL, CIRCUIT])
+@pytest.mark.parametrize("name", [ID, CAMERA, TURN_OFF, WALL, CIRCUIT, EVASIVE, REVERSE, DRIVE])
 def test_episodes_of_one_seed_are_the_same_whatever_was_done_before(name):
     """The third episode of a seed does not depend on how the first two were driven."""
     starts = []
