@@ -73,7 +73,12 @@ def drive(
     keywords = {"departure": "off", "start_lateral_error": 0.0, "start_course_error": 0.0, **keywords}
     keywords |= {"observation": "full", "episode_steps": steps}
     env: Any = gym.make_vec(
-        f"lanekeep/{env_id}", num_envs=cars, vectorization_mode="vector_entry_point", **keywords
+        f"lanekeep/{env_id}",
+        num_envs=cars,
+        vectorization_mode="vector_entry_point",
+        max_episode_steps=steps,
+        autoreset_mode="disabled",
+        **keywords,
     ).unwrapped
     scenario = env.scenario
     knows = scenario if believed is None else type(scenario).from_keywords(**{**keywords, **believed})

@@ -30,42 +30,47 @@ def outline(axes: Axes, place: Floats, heading: float, car: VehicleParameters, t
 
 def figure_8(runs: Mapping[str, Drive]) -> bytes:
     """Course in the world, error, steering wheel angle and lateral acceleration, one colour a friction."""
-    figure = Figure(figsize=(9, 9), layout="constrained")
-    world, *panels = figure.subplots(4, 1, gridspec_kw={"height_ratios": [1.3, 1, 1, 1]})
+    figure = Figure(figsize=(9, 10), layout="constrained")
+    scaled, world, *panels = figure.subplots(5, 1, gridspec_kw={"height_ratios": [0.6, 1.1, 1, 1, 1]})
     first = next(iter(runs.values()))
     road, car = first.roads[0], first.scenario.vehicle
-    world.plot(*road.position(np.linspace(0.0, 110.0, 800)).T, "--", color="#606060", linewidth=1.0, label="path")
+    for axes in (scaled, world):
+        axes.plot(*road.position(np.linspace(0.0, 110.0, 800)).T, "--", color="#606060", linewidth=1.0, label="path")
     for place, (name, driven) in enumerate(runs.items()):
         colour, course = colour_of(place), driven.world()
-        world.plot(*course.T, color=colour, linewidth=1.3, label=name)
+        for axes in (scaled, world):
+            axes.plot(*course.T, color=colour, linewidth=1.3, label=name)
         if place == 0:
             heading = road.heading(driven.station[:, 0]) + driven["heading_error"][:, 0]
-            for step in range(0, len(course), 40):
-                outline(world, course[step], float(heading[step]), car, car.cg_to_rear_axle, colour)
+            for step in range(0, len(course), 25):
+                outline(scaled, course[step], float(heading[step]), car, car.cg_to_rear_axle, "#909090")
         wheel = np.degrees(driven["steering_angle"][:, 0]) * car.steering_ratio
         values = (driven["lateral_error"][:, 0], wheel, driven["lateral_acceleration"][:, 0])
         for axes, value in zip(panels, values, strict=True):
             axes.plot(driven.time, value, color=colour, linewidth=1.2)
-    world.set_xlim(-4.0, 106.0)
+    scaled.set_aspect("equal")
+    scaled.set_ylim(-1.5, 5.5)
     world.set_xlabel("x [m]")
-    world.set_ylabel("y [m]")
+    for axes in (scaled, world):
+        axes.set_xlim(-4.0, 106.0)
+        axes.set_ylabel("y [m]")
     world.legend(frameon=False, fontsize=8, ncols=4, loc="lower right")
     labels = ("error d [m]", "steering wheel [°]", "lateral acceleration\n[m/s²]")
     for axes, label in zip(panels, labels, strict=True):
         axes.set_ylabel(label)
         axes.set_xlim(0.0, first.time[-1])
         axes.sharex(panels[0])
-    for axes in (world, *panels):
+    for axes in (scaled, world, *panels):
         axes.grid(**GRID)
     panels[-1].set_xlabel("time [s]")
-    figure.suptitle("Figure 8: evasive path at 55 km/h, from 0.8 m beside it (y stretched)", fontsize=11)
+    figure.suptitle("Figure 8: evasive path at 55 km/h, from 0.8 m beside it (to scale, and y stretched)", fontsize=11)
     return png(figure)
 
 
 def figure_9(runs: Mapping[str, Drive], car: VehicleParameters) -> bytes:
     """Path and course of the rear axle in the world, and its error over the way."""
-    figure = Figure(figsize=(10, 5.2), layout="constrained")
-    world, error = figure.subplots(1, 2)
+    figure = Figure(figsize=(9, 7.5), layout="constrained")
+    world, error = figure.subplots(2, 1, gridspec_kw={"height_ratios": [1, 1.2]})
     driven = next(iter(runs.values()))
     road = driven.roads[0]
     world.plot(*road.position(np.linspace(0.0, road.length, 600)).T, "--", color="#606060", label="path")
@@ -76,10 +81,12 @@ def figure_9(runs: Mapping[str, Drive], car: VehicleParameters) -> bytes:
     world.plot(*front.T, color=colour_of(4), linewidth=0.9, label="front axle")
     for step in np.linspace(0, len(course) - 1, 5).astype(int):
         outline(world, course[step], float(heading[step]), car, 0.0, "#909090")
-    world.set_aspect("equal", adjustable="datalim")
+    world.set_aspect("equal")
+    world.set_xlim(3.0, 19.5)
+    world.set_ylim(-4.6, 1.6)
     world.set_xlabel("x [m]")
     world.set_ylabel("y [m]")
-    world.legend(frameon=False, fontsize=8)
+    world.legend(frameon=False, fontsize=8, loc="upper right")
     for place, (name, run) in enumerate(runs.items()):
         way = road.length - run.station[:, 0]
         error.plot(way, 100.0 * run["lateral_error"][:, 0], color=colour_of(place), linewidth=1.2, label=name)
@@ -126,7 +133,7 @@ def figure_10(driven: Drive, mean: Floats, takeover: float, laws: LongitudinalTu
             axes.axvline(event, color="#808080", linewidth=0.8, linestyle=":")
         axes.axvline(takeover, color=colour_of(3), linewidth=0.8, linestyle=":")
     for axes in (speed, pedal, gaps, rate):
-        axes.legend(frameon=False, fontsize=8, loc="upper right")
+        axes.legend(frameon=False, fontsize=8, loc="center right" if axes is speed else "upper right")
     events = ((4.0, "10 m/s"), (takeover, "speed law"), (15.0, "car ahead"), (30.0, "gone"), (37.0, "stop point"))
     for event, name in events:
         across = "right" if name == "speed law" else "left"
@@ -146,13 +153,13 @@ def robustness(
     for axes, (name, (time, error)) in zip(panels, jumps.items(), strict=False):
         for k in np.flatnonzero(sizes <= 2.0):
             axes.plot(time, error[:, k], color=colour_of(k), linewidth=1.2, label=f"{sizes[k]:g} m")
-        axes.set_title(name, fontsize=9)
-        axes.set_ylim(-2.2, 2.2)
-    panels[0].legend(frameon=False, fontsize=8, title="jump of", title_fontsize=8, loc="lower right")
+        axes.set_title(name, fontsize=8)
+        axes.set_ylim(-0.7, 2.1)
+    panels[0].legend(frameon=False, fontsize=8, title="jump of", title_fontsize=8, loc="upper right")
     last = panels[len(jumps)]
     for place, (name, (time, error)) in enumerate(steps.items()):
         last.plot(time, error, color=colour_of(place), linewidth=1.2, label=name)
-    last.set_title("curvature steps to 4 m/s²", fontsize=9)
+    last.set_title("curvature steps to 4 m/s²", fontsize=8)
     last.legend(frameon=False, fontsize=8)
     for axes in panels[len(jumps) + 1 :]:
         axes.set_axis_off()
