@@ -53,7 +53,6 @@ def drive(
     start: Mapping[str, Any] | None = None,
     cars: int = 1,
     believed: Mapping[str, Any] | None = None,
-    jump: Floats | None = None,
     **keywords: Any,
 ) -> Drive:
     """Drive ``cars`` cars.
@@ -65,7 +64,6 @@ def drive(
         start: options of the reset.
         cars: how many.
         believed: keywords of the scenario that the policy believes in, where that is another one.
-        jump: of the lateral error that the policy sees, m, (cars,), from the beginning on.
         keywords: of the scenario.
     """
     step = keywords.setdefault("control_step", STEP)
@@ -88,16 +86,13 @@ def drive(
     elif isinstance(policy, type):
         controller = policy(knows)  # type: ignore[call-arg]
     names = [channel.name for channel in scenario.channels]
-    offset = np.zeros((cars, len(names)), dtype=np.float32)
-    if jump is not None:
-        offset[:, names.index("lateral_error")] = jump
     observation, info = env.reset(seed=0, options=dict(start or {}))
     state, seen, station, actions = None, [], [], []
     for _ in range(steps):
         if controller is None:
             action = np.full((cars, 1), policy, dtype=np.float32)
         else:
-            action, state = controller.predict(observation + offset, state)
+            action, state = controller.predict(observation, state)
         seen.append(observation)
         station.append(np.array(info["arc_length"], dtype=np.float64))
         actions.append(action)

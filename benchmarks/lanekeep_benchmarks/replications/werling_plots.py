@@ -121,7 +121,7 @@ def figure_10(driven: Drive, mean: Floats, takeover: float, laws: LongitudinalTu
     gaps.plot(time, np.where(stop < far, stop, np.nan), color=colour_of(3), label="to the stop point")
     gaps.set_ylabel("distance [m]")
     rate.plot(time, driven["acceleration"][:, 0], color="#b0b0b0", linewidth=0.8, label="acceleration")
-    rate.plot(time, mean, color=colour_of(0), linewidth=1.2, label="its mean over 0.2 s")
+    rate.plot(time, mean, color=colour_of(0), linewidth=1.2, label="its mean over 0.3 s")
     rate.set_ylabel("acceleration [m/s²]")
     gear.step(time, driven["gear"][:, 0] + 1, where="post", color=colour_of(0))
     gear.set_ylabel("gear")
