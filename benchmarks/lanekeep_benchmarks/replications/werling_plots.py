@@ -151,7 +151,7 @@ def robustness(
     figure = Figure(figsize=(3.0 * columns, 2.8 * rows), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, (name, (time, error)) in zip(panels, jumps.items(), strict=False):
-        for k in np.flatnonzero(sizes <= 2.0):
+        for k in range(int(np.sum(sizes <= 2.0))):
             axes.plot(time, error[:, k], color=colour_of(k), linewidth=1.2, label=f"{sizes[k]:g} m")
         axes.set_title(name, fontsize=8)
         axes.set_ylim(-0.7, 2.1)
