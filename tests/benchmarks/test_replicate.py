@@ -212,12 +212,12 @@ def test_lag_and_delay_cost_accuracy_and_above_20_m_s_delay_loses_the_car(replic
         if "delay" in loop:
             assert (peak == "lost") == (speed > 20.0)
         else:
-            assert float(peak) < (4.0 if "ideal" in loop else 8.0)
+            assert float(peak) < (5.0 if "ideal" in loop else 8.0)
 
 
 def test_a_jump_costs_accuracy_only_briefly_up_to_where_the_tyres_have_nothing_left(replicated):
     rows = table_of(replicated("werling"), "position jumps")
-    assert len(rows) == 27
+    assert len(rows) == 24
     for path, friction, believed, mass, *times, overshoot, steady, fails in rows:
         if path == "straight":
             assert fails.startswith("none") and float(overshoot) < 1.0 and float(steady) == 0.0

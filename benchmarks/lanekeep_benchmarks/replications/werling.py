@@ -220,7 +220,7 @@ def actuators(found: Replication) -> None:
     for speed in (5.0, 15.0, 25.0, 35.0):
         road = {
             "kind": "random",
-            "count": 16,
+            "count": 24,
             "length": max(800.0, 60.0 * speed),
             "peak_curvature": min(0.04, 0.4 * GRAVITY / speed**2),
             "design_speed": max(speed, 10.0),
@@ -232,8 +232,8 @@ def actuators(found: Replication) -> None:
                 driven = drive(
                     "LaneKeep-v0",
                     policy,
-                    12.0,
-                    cars=16,
+                    8.0,
+                    cars=24,
                     control_step=step,
                     vehicle=vehicle,
                     tyre="magic_formula",
@@ -245,11 +245,11 @@ def actuators(found: Replication) -> None:
                 # The law lays the centre of gravity outside, where the rear axle would run on the path.
                 d = driven["lateral_error"] + 0.5 * CAR.cg_to_rear_axle**2 * driven["curvature"]
                 rms, peak = float(np.sqrt(np.mean(d**2))), float(np.abs(d).max())
-                cells += [f"{100.0 * rms:.1f}", f"{100.0 * peak:.1f}"] if peak < 5.0 else ["lost", "lost"]
+                cells += [f"{100.0 * rms:.1f}", f"{100.0 * peak:.1f}"] if peak < 1.0 else ["lost", "lost"]
             rows.append((name, f"{speed:g}", *cells))
     found.tables.append(
         Table(
-            "What actuator, sampling and delay cost: lateral error [cm] on 16 random roads up to 0.4 g, 25 m, 12 s",
+            "What actuator, sampling and delay cost: error [cm] on 24 random roads up to 0.4 g, 8 s (lost: over 1 m)",
             ("loop", "speed [m/s]", "RMS", "peak", "RMS, curvature ahead", "peak, curvature ahead"),
             tuple(sorted(rows, key=lambda row: [name for name, *_ in LOOPS].index(row[0]))),
         )
@@ -261,7 +261,6 @@ JUMPS = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0])
 #: Lateral acceleration of the path, m/s²; friction, and what the law takes it for.
 ROADS = (
     (0.0, 1.0, 1.0),
-    (0.0, 0.3, 0.3),
     (0.0, 0.3, 1.0),
     (2.0, 1.0, 1.0),
     (2.0, 0.5, 0.5),
@@ -314,7 +313,7 @@ def jumps(found: Replication) -> None:
                     f"{lost[0]:g}" if lost else f"none up to {JUMPS[-1]:g}",
                 )
             )
-            if factor == 1.0 and (lateral, believed) not in ((0.0, 0.3), (2.0, 0.5)):
+            if factor == 1.0 and friction != 0.5:
                 called = f"{where}, friction {friction:g}"
                 called += "" if friction == believed else f",\nlaw believes {believed:g}"
                 traces[called] = (driven.time, error)
