@@ -14,6 +14,7 @@ __all__ = ["NOTE", "WORKS", "Replication", "Row", "Table", "steps_of"]
 WORKS = {
     "traechtler": ("traechtler", "Trächtler, Lohmann, Struck 1992: the camera-guided van"),
     "knightriders": ("knightriders", "Team KnightRiders 2017: the 1:10 car along a wall"),
+    "werling": ("werling", "Werling, Gröll, Bretthauer 2008: one controller from parking to an evasive path"),
 }
 
 Step = tuple[str, Callable[[Replication], None]]
