@@ -10,7 +10,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import clip, larger, like
+from lanekeep_env.physics.numeric import clip, larger, like, smaller
 from lanekeep_env.physics.parameters import GRAVITY
 
 #: Below this speed a car stands, m/s.
@@ -91,8 +91,10 @@ def pull(i, lanes, settings, drive):
     torque = larger(torque, zero) if v * ratio < drive[at.D_IDLE] else torque
     drives = zero if interrupted else torque * ratio * drive[at.D_EFFICIENCY] / mass
     drives += creep(v, drive) if gear == 0 else zero
-    drives -= like(h, GRAVITY) * lanes[at.SLOPE, i]
-    holds = lanes[at.BRAKE, i] * drive[at.D_BRAKE] + resistance(v, lanes[at.WIND, i], drive, mass)
+    # The tyres give no more than their friction, in either direction.
+    grip = (lanes[at.CAR + 6, i] + lanes[at.CAR + 7, i]) / mass
+    drives = clip(drives, -grip, grip) - like(h, GRAVITY) * lanes[at.SLOPE, i]
+    holds = smaller(lanes[at.BRAKE, i] * drive[at.D_BRAKE], grip) + resistance(v, lanes[at.WIND, i], drive, mass)
     free = drives - holds
     standing = v < like(h, STANDS)
     # A car that stops within the sub-step stands at its end, whatever rounding leaves of it.
