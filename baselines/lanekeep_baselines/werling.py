@@ -173,7 +173,7 @@ class WerlingDrive(WerlingLateralAhead):
     integration: ClassVar[float] = 0.8
     #: Below this speed (m/s) and this wanted acceleration (m/s²) the car stands; brake that holds it, share.
     stands: ClassVar[tuple[float, float]] = (0.02, 0.1)
-    holding: ClassVar[float] = 0.3
+    holding: ClassVar[float] = 0.2
 
     def __init__(self, scenario: DriveScenario) -> None:
         super().__init__(scenario)

@@ -53,7 +53,7 @@ def werling_tolerance(row):
         ("speed control takes over", 0.1),
         ("shifts", 0.0),
         ("gap", 0.02),
-        ("standstill", 0.3),
+        ("standstill", 0.4),
         ("mean acceleration", 0.05),
         ("until a jump", 0.1),
     ):
