@@ -240,6 +240,8 @@ KINEMATIC, LINEAR, MAGIC_FORMULA, FRONT_DRIVEN, KINEMATIC_PACED, DRIVEN = 0, 1, 
 STEERING_ANGLE, STEERING_RATE = 0, 1
 TERMINATE, COST, OFF = 0, 1, 2
 WALL_FOLLOW, CIRCUIT = 0, 1
+# Cost of a second on a circuit at most: twice that of standing still.
+LARGEST_CIRCUIT_COST = 2.0
 NO_AUTORESET, NEXT_STEP, SAME_STEP = 0, 1, 2
 
 # outcome: (rows, n) float. In same-step autoreset OUTCOME_ROWS and as many rows as there are channels follow:

@@ -95,6 +95,8 @@ class RoadLanes:
     """
 
     outcome_rows = at.OUTCOME_ROWS
+    #: Arrays that change while the cars drive.
+    moving: tuple[str, ...] = ("lanes", "counters")
 
     def __init__(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -170,6 +170,36 @@ class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             infos["termination"] = np.zeros(n, dtype=np.int64)  # of the episodes that just began
             self._add_final(infos, outcome, terminated | truncated)
         return observation, outcome[at.O_REWARD], terminated, truncated, infos
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        """Return copies of all that changes while the cars drive; `set_state` goes on from there, to the last bit.
+
+        Raises:
+            ResetNeeded: nothing drives yet.
+        """
+        if not self._core.seeded:
+            raise gym.error.ResetNeeded("call reset() before get_state()")
+        return {name: getattr(self._core, name).copy() for name in self._core.moving}
+
+    def set_state(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on from what `get_state` returned, in this or another environment of the same scenario, lanes and dtype.
+
+        Raises:
+            ValueError: an array is missing, or its shape or dtype is another.
+        """
+        wanted = {name: getattr(self._core, name) for name in self._core.moving}
+        if set(state) != set(wanted):
+            raise ValueError(f"state has {', '.join(state) or 'nothing'}; it must have {', '.join(wanted)}")
+        for name, array in wanted.items():
+            given = state[name]
+            if given.shape != array.shape or given.dtype != array.dtype:
+                raise ValueError(
+                    f"state[{name!r}] is {given.dtype} {given.shape}; it must be {array.dtype} {array.shape}: take it "
+                    "from an environment of the same scenario, number of lanes and dtype"
+                )
+        for name, array in wanted.items():
+            array[...] = state[name]
+        self._core.seeded = True
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """Return the picture of every lane (render_mode "rgb_array")."""

@@ -73,6 +73,8 @@ class WallLanes:
     """State and settings of n cars between walls, with the two calls of the compiled kernel; as `RoadLanes`."""
 
     outcome_rows = at.WALL_OUTCOME_ROWS
+    #: Arrays that change while the cars drive.
+    moving: tuple[str, ...] = ("lanes", "counters", "held")
 
     def __init__(
         self,

@@ -220,6 +220,11 @@ class RoadScenario(ScenarioRecord):
         return self.lane_width / 2
 
     @property
+    def largest_cost(self) -> float:
+        """What a second costs at most, 1/s."""
+        return self.cost_cap
+
+    @property
     def model(self) -> int:
         """The kernel's number of the vehicle model."""
         raise NotImplementedError

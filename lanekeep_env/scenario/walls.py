@@ -260,6 +260,11 @@ class WallFollowScenario(ScenarioRecord):
         multiple_of_step("scan.period", self.scan.period, self.control_step)
         self._check_turn(self.largest_speed or self.speed.maximum)
 
+    @property
+    def largest_cost(self) -> float:
+        """What a second costs at most, 1/s."""
+        return self.cost_cap
+
     def _check_angles(self) -> None:
         """Command, servo and offset together must leave the wheel short of standing across."""
         most = min(self.max_steering_angle, self.vehicle.steering.angle_limit or math.inf)
@@ -399,6 +404,11 @@ class CircuitScenario(WallFollowScenario):
     def largest_speed(self) -> float:
         """Speed that action 1 asks for, m/s."""
         return self.max_speed
+
+    @property
+    def largest_cost(self) -> float:
+        """What a second costs at most: twice that of standing still, 1/s."""
+        return at.LARGEST_CIRCUIT_COST
 
     def _further(self) -> list[Channel]:
         return [Channel("speed_command", "m/s", -20.0, 20.0, "set speed that was asked for")]

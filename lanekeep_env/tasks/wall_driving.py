@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from lanekeep_env import layout as at
 from lanekeep_env.compile import inline
 from lanekeep_env.physics.numeric import like
 from lanekeep_env.tasks.lane_keeping import running_cost
 
 #: Codes of `lanekeep_env.Termination`.
 CONTACT, FINISHED = 2.0, 3.0
-#: Cost of a second on a circuit at most: twice that of standing still.
-LARGEST_CIRCUIT_COST = 2.0
 
 
 @inline
@@ -34,7 +33,7 @@ def judge_circuit(progress, steps_left, seconds, touches, done, largest_speed, e
     most 2. A lap done ends the cost; a contact costs 2 a second, and where it ends the episode (``ends``) for the
     remaining ``steps_left`` as well, so that no drive without a contact is worse.
     """
-    zero, one, most = like(progress, 0.0), like(progress, 1.0), like(progress, LARGEST_CIRCUIT_COST)
+    zero, one, most = like(progress, 0.0), like(progress, 1.0), like(progress, at.LARGEST_CIRCUIT_COST)
     cost = one - progress / (largest_speed * seconds)
     cost = most if cost > most else cost
     charged = most * (one + (steps_left if steps_left > zero else zero)) if ends else most

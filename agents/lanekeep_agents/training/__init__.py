@@ -1,0 +1,1 @@
+"""Training with Stable-Baselines3: settings, wrappers, checkpoints, the run."""

@@ -1,0 +1,56 @@
+"""How good a policy is on held-out seeds while it is trained."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import lanekeep_env  # noqa: F401
+
+
+@dataclass(frozen=True)
+class Score:
+    """Over episodes: mean return, share that failed (lane left, wall touched, lap not done), RMS lateral error in m."""
+
+    mean_return: float
+    failure_rate: float
+    rms_lateral_error: float
+
+
+class HeldOut:
+    """Episodes of an environment that training never sees: the same ones each time.
+
+    Args:
+        env_id: a registered id.
+        keywords: of ``gym.make_vec`` for it.
+        episodes: number of them, one a lane.
+        seed: of the first one; training must use others.
+    """
+
+    def __init__(self, env_id: str, keywords: Mapping[str, Any], episodes: int, seed: int) -> None:
+        self._env = gym.make_vec(
+            env_id, episodes, vectorization_mode="vector_entry_point", autoreset_mode="next_step", **keywords
+        )
+        self._seed = seed
+
+    def score(self, policy: Any) -> Score:
+        """Drive ``policy`` (an object with `predict`) through all episodes."""
+        env, n = self._env, self._env.num_envs
+        observation, _ = env.reset(seed=self._seed)
+        state, start = None, np.ones(n, dtype=bool)
+        alive, succeeds = start.copy(), start.copy()
+        returns, squares, steps = np.zeros(n), np.zeros(n), np.zeros(n)
+        while alive.any():
+            action, state = policy.predict(observation, state, start)
+            observation, reward, terminated, truncated, info = env.step(action)
+            returns += np.where(alive, reward, 0.0)
+            squares += np.where(alive, info["lateral_error"] ** 2, 0.0)
+            steps += alive
+            np.copyto(succeeds, info["is_success"], where=alive)
+            start = np.zeros(n, dtype=bool)
+            alive &= ~(terminated | truncated)
+        return Score(float(returns.mean()), float(1.0 - succeeds.mean()), float(np.sqrt(squares.sum() / steps.sum())))

@@ -1,0 +1,320 @@
+"""A training run: from settings to a policy file, with checkpoints from which a killed run goes on."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import stable_baselines3
+import torch
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.vec_env import VecNormalize
+
+import lanekeep_env
+from lanekeep_agents.export import export_sb3
+from lanekeep_agents.learned import LearnedPolicy
+from lanekeep_agents.policy_file import read_policy, write_policy
+from lanekeep_agents.policy_record import InputChannel, PolicyRecord, Training
+from lanekeep_agents.training.checkpoint import Arrays, read_checkpoint, write_atomic, write_checkpoint
+from lanekeep_agents.training.evaluation import HeldOut, Score
+from lanekeep_agents.training.imitation import imitate
+from lanekeep_agents.training.residual import Corrections
+from lanekeep_agents.training.rewards import LearnersRewards
+from lanekeep_agents.training.settings import TrainingSettings, settings_for
+from lanekeep_agents.vec_env import LaneVecEnv
+
+SETTINGS, CHECKPOINT, EVALUATIONS = "settings.json", "checkpoint.npz", "evaluations.csv"
+#: Steps done and what to say about it.
+Report = Callable[[int, str], None]
+
+_ALGORITHMS: dict[str, Callable[..., BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
+_ABSENT = object()
+_ACTIVATIONS = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
+
+
+def policy_name(settings: TrainingSettings) -> str:
+    """Name of the policy that a run makes: algorithm, task and seed."""
+    task = settings.env_id.rpartition("/")[2].partition("-")[0]
+    words = "".join(f"-{letter.lower()}" if letter.isupper() else letter for letter in task)
+    kind = f"{settings.algorithm}-residual" if settings.base else settings.algorithm
+    return f"{kind}{words}-seed{settings.seed}"
+
+
+def run(
+    settings: TrainingSettings,
+    folder: Path,
+    *,
+    resume: bool = False,
+    overwrite: bool = False,
+    threads: int = 1,
+    checkpoint_seconds: float = 30.0,
+    report: Report | None = None,
+) -> LearnedPolicy:
+    """Train a policy; return the best one that held-out evaluations found, which is in the folder's policy file.
+
+    Args:
+        settings: what to train.
+        folder: for the policy file, `settings.json`, `evaluations.csv`, the checkpoint and TensorBoard's events.
+        resume: go on from the folder's checkpoint.
+        overwrite: replace another run in the folder.
+        threads: of torch; the same number gives the same policy to the last bit.
+        checkpoint_seconds: time between checkpoints.
+        report: called with the steps done and a line to show.
+
+    Raises:
+        ValueError: the folder holds a run and neither ``resume`` nor ``overwrite`` is set, or holds another run
+            (``resume``); a setting that does not fit the environment.
+    """
+    _open(settings, folder, resume, overwrite)
+    torch.set_num_threads(threads)
+    started = time.perf_counter()
+    keywords = {"dtype": "float32", **settings.env}
+    lanes = LaneVecEnv(settings.env_id, settings.num_envs, **keywords)
+    scenario = lanes.env.unwrapped.scenario  # type: ignore[attr-defined]
+    inner = lanes if settings.base is None else Corrections(lanes, scenario, settings.base, settings.bound or 0.0)
+    rewards = LearnersRewards(inner, scenario.largest_cost, settings.gamma, settings.reward_scale)
+    env = VecNormalize(rewards, norm_reward=False, clip_obs=10.0, epsilon=1e-8)
+    model = _model(settings, env)
+    model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
+    held_out = HeldOut(settings.env_id, keywords, settings.evaluation_episodes, settings.seed_of("evaluation"))
+    course = _Course(settings, folder, env, rewards, held_out, scenario, started, checkpoint_seconds, report)
+    if resume and (folder / CHECKPOINT).exists():
+        course.take_up(*read_checkpoint(folder / CHECKPOINT, model, env))
+    elif settings.imitate is not None:
+        imitate(model, env, scenario, settings.imitate, settings.gamma, settings.seed_of("imitation"))
+    if model.num_timesteps < settings.steps:
+        fresh = model.num_timesteps == 0
+        model.learn(settings.steps - model.num_timesteps, course, reset_num_timesteps=fresh, log_interval=10)
+    return course.finish(model)
+
+
+def _open(settings: TrainingSettings, folder: Path, resume: bool, overwrite: bool) -> None:
+    """Claim the folder for this run."""
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"--out {folder} is a file; allowed: a folder, which is made if it is missing")
+    record = {"version": lanekeep_env.__version__, **settings.to_dict()}
+    file = folder / SETTINGS
+    if file.exists() and resume:
+        found = json.loads(file.read_text())
+        for name in sorted({*found, *record}):
+            if found.get(name) != record.get(name):
+                raise ValueError(
+                    f"--out {folder} holds another run: {name} is {found.get(name)!r} there, {record.get(name)!r} "
+                    "wanted; leave the options out to go on with that one, or name another folder"
+                )
+        return
+    if file.exists() and not overwrite:
+        raise ValueError(f"--out {folder} already holds a run; name another folder, or pass --resume or --overwrite")
+    if resume:
+        raise ValueError(f"--out {folder} holds no run to resume ({SETTINGS} is missing)")
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in (CHECKPOINT, EVALUATIONS):
+        (folder / old).unlink(missing_ok=True)
+    write_atomic(file, (json.dumps(record, indent=1) + "\n").encode())
+
+
+def settings_in(folder: Path) -> TrainingSettings:
+    """Return the settings of the run in a folder.
+
+    Raises:
+        ValueError: there is none, or it is of another version.
+    """
+    file = folder / SETTINGS
+    if not file.is_file():
+        raise ValueError(f"--out {folder} holds no run to resume ({SETTINGS} is missing)")
+    try:
+        values = json.loads(file.read_text())
+        version = values.pop("version")
+        settings = TrainingSettings.from_dict(values, str(file))
+    except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{file} is not the record of a training run: {error}") from None
+    if version != lanekeep_env.__version__:
+        raise ValueError(f"{file} is of version {version}, this is {lanekeep_env.__version__}: install that one")
+    return settings
+
+
+def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
+    """A fresh algorithm on ``env``."""
+    rate, last = settings.learning_rate, settings.final_learning_rate
+    network: dict[str, Any] = {
+        "net_arch": list(settings.hidden),
+        "activation_fn": _ACTIVATIONS[settings.activation],
+    }
+    further = dict(settings.parameters)
+    if settings.algorithm == "ppo":
+        network["log_std_init"] = settings.log_std
+    if settings.algorithm == "td3":
+        shape = env.action_space.shape or ()
+        further["action_noise"] = NormalActionNoise(np.zeros(shape), np.full(shape, settings.action_noise))
+    return _ALGORITHMS[settings.algorithm](
+        "MlpPolicy",
+        env,
+        learning_rate=lambda left: rate * (last + (1.0 - last) * left),
+        gamma=settings.gamma,
+        seed=settings.seed_of("training"),
+        device="cpu",
+        policy_kwargs=network,
+        **further,
+    )
+
+
+class _Course(BaseCallback):
+    """What happens between rollouts: evaluations at fixed steps, checkpoints now and then, reports."""
+
+    def __init__(
+        self,
+        settings: TrainingSettings,
+        folder: Path,
+        env: VecNormalize,
+        rewards: LearnersRewards,
+        held_out: HeldOut,
+        scenario: Any,
+        started: float,
+        checkpoint_seconds: float,
+        report: Report | None,
+    ) -> None:
+        super().__init__()
+        self._settings, self._folder = settings, folder
+        self._env, self._rewards = env, rewards
+        self._held_out, self._scenario = held_out, scenario
+        self._checkpoint_seconds, self._report = checkpoint_seconds, report
+        self._started = self._saved = started
+        #: (steps, score) of each evaluation so far, the seconds of earlier sittings and the best policy's tensors.
+        self._scores: list[tuple[int, Score]] = []
+        self._earlier = {"total": 0.0, "environment": 0.0}
+        self._best: Arrays = {}
+
+    def take_up(self, notes: Mapping[str, Any], best: Arrays) -> None:
+        """Go on from a checkpoint."""
+        self._scores = [(steps, Score(*score)) for steps, score in notes["scores"]]
+        self._earlier = dict(notes["seconds"])
+        self._best = best
+
+    def finish(self, model: BaseAlgorithm) -> LearnedPolicy:
+        """Evaluate the last policy, write the best one's file and return it."""
+        self.model = model
+        if not self._scores or self._scores[-1][0] < model.num_timesteps:
+            self._evaluate()
+            self._save()
+        path = self._folder / f"{policy_name(self._settings)}.json"
+        record = self._record()
+        write_policy(path, record, self._best, overwrite=True)
+        return LearnedPolicy(*read_policy(path))
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_start(self) -> None:
+        """Between two rollouts nothing is half done."""
+        due = len(self._scores) * self._settings.steps / self._settings.evaluations
+        if self.num_timesteps >= due:
+            self._evaluate()
+        if time.perf_counter() - self._saved >= self._checkpoint_seconds:
+            self._save()
+        if self._report is not None:
+            self._report(self.num_timesteps, self._line())
+
+    def _evaluate(self) -> None:
+        network, normalisation, tensors = export_sb3(self.model, self._env)
+        self._network, self._normalisation = network, normalisation
+        policy = LearnedPolicy(self._record(), tensors)
+        score = self._held_out.score(policy)
+        if not self._scores or score.mean_return > self._top.mean_return:
+            self._best = {name: tensor.copy() for name, tensor in tensors.items()}
+        self._scores.append((self.num_timesteps, score))
+        for name, value in asdict(score).items():
+            self.logger.record(f"evaluation/{name}", value)
+        self.logger.dump(self.num_timesteps)
+        lines = ["steps,mean_return,failure_rate,rms_lateral_error"]
+        lines += [f"{steps},{s.mean_return!r},{s.failure_rate!r},{s.rms_lateral_error!r}" for steps, s in self._scores]
+        write_atomic(self._folder / EVALUATIONS, ("\n".join(lines) + "\n").encode())
+
+    def _save(self) -> None:
+        scores = [(steps, list(asdict(score).values())) for steps, score in self._scores]
+        notes = {"scores": scores, "seconds": self._seconds()}
+        write_checkpoint(self._folder / CHECKPOINT, self.model, self._env, notes, self._best)
+        self._saved = time.perf_counter()
+
+    def _seconds(self) -> dict[str, float]:
+        """Of the whole run, and of that in the environment."""
+        return {
+            "total": self._earlier["total"] + time.perf_counter() - self._started,
+            "environment": self._earlier["environment"] + self._rewards.seconds,
+        }
+
+    @property
+    def _top(self) -> Score:
+        return max((score for _, score in self._scores), key=lambda score: score.mean_return)
+
+    def _line(self) -> str:
+        score = self._scores[-1][1]
+        return f"return {score.mean_return:.3g}, failed {score.failure_rate:.1%}, {score.rms_lateral_error:.3f} m"
+
+    def _record(self) -> PolicyRecord:
+        """What the policy file says, of the best policy so far."""
+        if not hasattr(self, "_network"):
+            self._network, self._normalisation, _ = export_sb3(self.model, self._env)
+        settings, s = self._settings, self._scenario
+        seconds = self._seconds()
+        scores: dict[str, Any] = {}
+        if self._scores:
+            scores = {**asdict(self._top), "episodes": settings.evaluation_episodes}
+            scores["environment_share"] = seconds["environment"] / seconds["total"]
+        return PolicyRecord(
+            name=policy_name(settings),
+            algorithm=settings.algorithm.upper(),
+            env_id=settings.env_id,
+            scenario=s.to_dict(),
+            scenario_hash=s.hash,
+            channels=tuple(InputChannel(c.name, c.unit, c.description) for c in s.channels),
+            actions=s.num_actions,
+            action=s.action,
+            max_steering_angle=s.max_steering_angle,
+            max_steering_rate=s.max_steering_rate,
+            control_step=s.control_step,
+            network=self._network,
+            normalisation=self._normalisation,
+            training=Training(
+                command=command(settings),
+                hyperparameters=settings.to_dict(),
+                seed=settings.seed,
+                steps=settings.steps,
+                seconds=round(seconds["total"], 1),
+                versions={
+                    "lanekeep": lanekeep_env.__version__,
+                    "stable-baselines3": stable_baselines3.__version__,
+                    "torch": str(torch.__version__),
+                    "numpy": np.__version__,
+                },
+                scores=scores,
+            ),
+            base=settings.base,
+            bound=settings.bound,
+        )
+
+
+def command(settings: TrainingSettings) -> str:
+    """The command line that trains this policy: what differs from the YAML file is written out."""
+    words = ["lanekeep", "train", settings.algorithm, settings.env_id, "--seed", str(settings.seed)]
+    own = {name: getattr(settings, name) for name in ("base", "bound", "imitate")}
+    plain = settings_for(settings.algorithm, settings.env_id, settings.seed, **own).to_dict()
+    asked = settings.to_dict()
+    for name, value in own.items():
+        words += [] if value is None else [f"--{name}", str(value)]
+    for name, value in asked.items():
+        changes = {f"{name}.{key}": one for key, one in value.items()} if isinstance(value, dict) else {name: value}
+        usual = plain[name] if isinstance(value, dict) else plain
+        for place, one in changes.items():
+            if usual.get(place.rpartition(".")[2], _ABSENT) != one:
+                words += ["--steps", str(one)] if place == "steps" else ["--set", f"{place}={json.dumps(one)}"]
+    return shlex.join(words)
