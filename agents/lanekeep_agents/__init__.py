@@ -1,16 +1,75 @@
 """Learning agents on the lanekeep environments.
 
-`sb3_vec_env` gives Stable-Baselines3 the compiled vector environment without a Python loop over lanes.
+`load` gives a trained policy with the interface of the classical ones, run by numpy alone; `names` lists those that
+are shipped. `sb3_vec_env` gives Stable-Baselines3 the compiled vector environment without a Python loop over lanes.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lanekeep_env.checks import nearest
+
 if TYPE_CHECKING:
+    from lanekeep_agents.binding import Scenario
+    from lanekeep_agents.learned import LearnedPolicy
     from lanekeep_agents.vec_env import LaneVecEnv
 
-__all__ = ["sb3_vec_env"]
+__all__ = ["load", "names", "sb3_vec_env"]
+
+
+def names(scenario: Scenario | None = None) -> tuple[str, ...]:
+    """Return the names of the policies that are shipped, or those of them that can drive ``scenario``."""
+    shipped = tuple(sorted(file.stem for file in _zoo().glob("*.json")))
+    if scenario is None:
+        return shipped
+    return tuple(name for name in shipped if _drives(name, scenario))
+
+
+def _drives(name: str, scenario: Scenario) -> bool:
+    from lanekeep_agents.binding import Binding
+    from lanekeep_agents.policy_file import read_record
+
+    record = read_record(_zoo() / f"{name}.json")
+    try:
+        Binding(record, scenario)
+    except (ValueError, ModuleNotFoundError):  # the latter: what designs the base is not installed
+        return False
+    return True
+
+
+def load(name_or_path: str | Path, scenario: Scenario | None = None) -> LearnedPolicy:
+    """Load a learned policy; nothing in its files is executed.
+
+    Args:
+        name_or_path: one of `names`, or the path of a policy's .json or .safetensors file.
+        scenario: to drive, ``env.unwrapped.scenario``; by default the one that the policy was trained on.
+
+    Raises:
+        ValueError: an unknown name (the nearest one is named), files that are not those of a policy, or a scenario
+            that lacks a channel, or means something else by it, or has another control step or number of actions.
+        ImportError: safetensors is not installed; names the extra that brings it.
+    """
+    from lanekeep_agents.learned import LearnedPolicy
+    from lanekeep_agents.policy_file import read_policy
+
+    path = Path(name_or_path)
+    if path.suffix not in (".json", ".safetensors"):
+        shipped = names()
+        if name_or_path not in shipped:
+            raise ValueError(
+                f"policy={str(name_or_path)!r} is unknown{nearest(str(name_or_path), shipped)}; allowed: "
+                f"{', '.join((*shipped, 'the path of a .json or .safetensors file'))}"
+            )
+        path = _zoo() / f"{name_or_path}.json"
+    record, tensors = read_policy(path)
+    return LearnedPolicy(record, tensors, scenario)
+
+
+def _zoo() -> Path:
+    """The folder of the policies that are shipped."""
+    return Path(__file__).with_name("zoo")
 
 
 def sb3_vec_env(env_id: str, num_envs: int, **keywords: Any) -> LaneVecEnv:

@@ -1,0 +1,161 @@
+"""A learned policy's record meets a scenario: which columns it reads, and what its actions mean there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib import import_module
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lanekeep_baselines
+from lanekeep_agents.policy_record import InputChannel, PolicyRecord
+from lanekeep_env import ENVIRONMENTS
+
+
+class DescribedChannel(Protocol):
+    """One entry of the observation."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def description(self) -> str: ...
+
+
+class Scenario(Protocol):
+    """What a learned policy must know of the scenario that it drives; `lanekeep_env.scenario` tells units."""
+
+    @property
+    def channels(self) -> Sequence[DescribedChannel]: ...
+    @property
+    def num_actions(self) -> int: ...
+    @property
+    def control_step(self) -> float: ...
+    @property
+    def action(self) -> str: ...
+    @property
+    def max_steering_angle(self) -> float: ...
+    @property
+    def max_steering_rate(self) -> float: ...
+
+
+class Binding:
+    """A record bound to a scenario.
+
+    Attributes:
+        columns: of the scenario's observation, in the order of the policy's inputs.
+        width: channels of the scenario.
+        base: the classical policy that is corrected, made for the action that the record was trained on, or None.
+
+    Raises:
+        ValueError: the scenario lacks a channel or means something else by it, or has another control step or
+            another number of actions.
+    """
+
+    def __init__(self, record: PolicyRecord, scenario: Scenario | None = None) -> None:
+        if scenario is None:
+            scenario = trained_scenario(record)
+        if not hasattr(scenario, "channels"):
+            raise ValueError(f"scenario={scenario!r} is none; pass env.unwrapped.scenario")
+        self._record, self._scenario = record, scenario
+        _check(record, scenario)
+        order = {channel.name: i for i, channel in enumerate(scenario.channels)}
+        self.width = len(order)
+        wanted = [_column(record, channel, scenario, order) for channel in record.channels]
+        # A slice copies rows several times as fast as an index.
+        self.columns: slice | NDArray[np.intp] = (
+            slice(None) if wanted == list(range(self.width)) else np.array(wanted, dtype=np.intp)
+        )
+        self._converts = not _same_action(record, scenario)
+        self._command = order.get("steering_command", -1)
+        if self._converts and "steering_rate" in (record.action, scenario.action) and self._command < 0:
+            raise ValueError(
+                f"policy {record.name!r} needs the channel 'steering_command' to turn its {record.action} into the "
+                f"scenario's {scenario.action}; channels: {', '.join(order)}"
+            )
+        self.base = None if record.base is None else self._make_base(record.base)
+
+    def _make_base(self, name: str) -> lanekeep_baselines.Policy:
+        """Make the base for the action trained on, so that both of its meanings, input and sum, stay the same."""
+        scenario: Any = self._scenario
+        if self._converts:
+            record = self._record
+            scenario = replace(
+                scenario,
+                action=record.action,
+                max_steering_angle=record.max_steering_angle,
+                max_steering_rate=record.max_steering_rate,
+            )
+        return lanekeep_baselines.make(name, scenario)
+
+    def convert(self, action: NDArray[np.float32], observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return actions in [-1, 1] that ask the scenario for what the policy asked its own one for.
+
+        Args:
+            action: (n, actions), in [-1, 1] of the scenario trained on.
+            observation: (n, channels) of the scenario.
+        """
+        if not self._converts:
+            return action
+        trained, scenario = self._record, self._scenario
+        before = observation[:, self._command].astype(np.float64)
+        command = action[:, 0] * np.float64(trained.max_steering_angle)
+        if trained.action == "steering_rate":
+            command = before + action[:, 0] * np.float64(trained.max_steering_rate * trained.control_step)
+            command.clip(-trained.max_steering_angle, trained.max_steering_angle, out=command)
+        asked = command / scenario.max_steering_angle
+        if scenario.action == "steering_rate":
+            asked = (command - before) / (scenario.max_steering_rate * scenario.control_step)
+        converted = action.copy()
+        converted[:, 0] = asked.clip(-1.0, 1.0)
+        return converted
+
+
+def trained_scenario(record: PolicyRecord) -> Scenario:
+    """Build the scenario that a policy was trained on."""
+    module, environment = ENVIRONMENTS[record.env_id][0].split(":")
+    try:
+        return getattr(import_module(module), environment).scenario_class.from_keywords(**record.scenario)
+    except TypeError as error:
+        raise ValueError(f"policy {record.name!r}: scenario is not one of {record.env_id} ({error})") from None
+
+
+def _check(record: PolicyRecord, scenario: Scenario) -> None:
+    for field, trained, found in (
+        ("actions", record.actions, scenario.num_actions),
+        ("control_step", record.control_step, scenario.control_step),
+        ("max_speed", record.scenario.get("max_speed"), getattr(scenario, "max_speed", None)),
+    ):
+        if trained != found:
+            raise ValueError(
+                f"policy {record.name!r} is not for a scenario with {field}={found!r}; allowed: {trained!r}"
+            )
+
+
+def _column(record: PolicyRecord, wanted: InputChannel, scenario: Scenario, order: dict[str, int]) -> int:
+    """The column of a channel that means the same."""
+    if wanted.name not in order:
+        raise ValueError(
+            f"policy {record.name!r} needs the channel {wanted.name!r} ({wanted.description}), which the scenario does "
+            f"not observe; channels: {', '.join(order)}"
+        )
+    found = scenario.channels[order[wanted.name]]
+    for field in ("unit", "description"):
+        if getattr(found, field) != getattr(wanted, field):
+            raise ValueError(
+                f"policy {record.name!r}: the scenario's channel {wanted.name!r} has the {field} "
+                f"{getattr(found, field)!r}, allowed: {getattr(wanted, field)!r}"
+            )
+    return order[wanted.name]
+
+
+def _same_action(record: PolicyRecord, scenario: Scenario) -> bool:
+    """Whether an action asks both scenarios for the same."""
+    fields = ["action", "max_steering_angle"]
+    if record.action == "steering_rate":
+        fields.append("max_steering_rate")
+    return all(getattr(record, field) == getattr(scenario, field) for field in fields)

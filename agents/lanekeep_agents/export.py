@@ -1,0 +1,81 @@
+"""From Stable-Baselines3's actors to the network and the tensors of a policy file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.torch_layers import FlattenExtractor
+from torch import nn
+
+from lanekeep_agents.policy_record import Network, Normalisation
+
+_ACTIVATIONS: dict[type[Any], str] = {nn.ReLU: "relu", nn.Tanh: "tanh"}
+
+
+def export_sb3(model: Any, vec_normalize: Any = None) -> tuple[Network, Normalisation, dict[str, NDArray[np.float32]]]:
+    """Return what a policy file needs of a model: its actor, acting deterministically, and its normalisation.
+
+    Args:
+        model: PPO, SAC or TD3 with "MlpPolicy", hidden layers of ReLU or Tanh, and actions in [-1, 1].
+        vec_normalize: the `VecNormalize` that it was trained with, None for none.
+
+    Raises:
+        ValueError: an actor that is made of anything else; names what.
+    """
+    space = model.action_space
+    if (space.low != -1.0).any() or (space.high != 1.0).any():
+        raise ValueError(f"action_space={space} is not allowed: actions must lie in [-1, 1]")
+    extractor, layers, squash = _actor(model.policy)
+    if type(extractor) is not FlattenExtractor:
+        raise ValueError(f"features_extractor={type(extractor).__name__} is not allowed: it must be FlattenExtractor")
+    dense, activation = _dense(layers)
+    normalisation, mean, variance = _statistics(vec_normalize, dense[0].in_features)
+    tensors = {"mean": _float32(mean), "variance": _float32(variance)}
+    for i, layer in enumerate(dense):
+        tensors[f"layers.{i}.weight"] = _float32(layer.weight.detach().cpu())
+        tensors[f"layers.{i}.bias"] = _float32(layer.bias.detach().cpu())
+    hidden = tuple(layer.out_features for layer in dense[:-1])
+    return Network(hidden, activation, squash), normalisation, tensors
+
+
+def _actor(policy: Any) -> tuple[nn.Module, list[nn.Module], bool]:
+    """What reads the observation, the layers behind it, and whether tanh is what makes the action of their output."""
+    if hasattr(policy, "mlp_extractor"):  # PPO
+        if policy.squash_output:
+            raise ValueError("squash_output=True is not allowed: PPO's actions must be clipped")
+        return policy.features_extractor, [*policy.mlp_extractor.policy_net, policy.action_net], False
+    actor: Any = getattr(policy, "actor", None)
+    if hasattr(actor, "latent_pi"):  # SAC
+        return actor.features_extractor, [*actor.latent_pi, actor.mu], True
+    if isinstance(getattr(actor, "mu", None), nn.Sequential):  # TD3
+        *layers, last = actor.mu
+        if isinstance(last, nn.Tanh):
+            return actor.features_extractor, layers, True
+    raise ValueError(f"policy={type(policy).__name__} is not allowed: it must be the MlpPolicy of PPO, SAC or TD3")
+
+
+def _dense(layers: list[nn.Module]) -> tuple[list[Any], str]:
+    """Split layers into dense ones and the activation between them."""
+    dense, between = layers[::2], layers[1::2]
+    for layer in dense:
+        if not isinstance(layer, nn.Linear):
+            raise ValueError(f"layer {layer} is not allowed: it must be Linear")
+    kinds = {type(layer) for layer in between}
+    if len(kinds) > 1 or not kinds <= set(_ACTIVATIONS):
+        found = ", ".join(sorted(kind.__name__ for kind in kinds))
+        raise ValueError(f"activation_fn={found} is not allowed: it must be ReLU or Tanh")
+    return dense, _ACTIVATIONS[kinds.pop()] if kinds else "relu"
+
+
+def _statistics(vec_normalize: Any, inputs: int) -> tuple[Normalisation, Any, Any]:
+    """How inputs are normalised, their means and their variances."""
+    if vec_normalize is None or not vec_normalize.norm_obs:
+        return Normalisation(clip=float(np.finfo(np.float32).max)), np.zeros(inputs), np.ones(inputs)
+    normalisation = Normalisation(vec_normalize.clip_obs, vec_normalize.epsilon)
+    return normalisation, vec_normalize.obs_rms.mean, vec_normalize.obs_rms.var
+
+
+def _float32(values: Any) -> NDArray[np.float32]:
+    return np.array(values, dtype=np.float32)

@@ -1,0 +1,168 @@
+"""Files of learned policies: `NAME.json`, what the policy is, and `NAME.safetensors`, its weights.
+
+Nothing in them is ever executed or unpickled, and all of it is checked before it is used.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lanekeep_agents.policy_record import PolicyRecord
+
+#: Sizes beyond which files are not read, bytes.
+LARGEST_RECORD = 1 << 20
+LARGEST_WEIGHTS = 1 << 26
+
+Tensors = dict[str, NDArray[np.float32]]
+
+
+def read_record(path: str | Path) -> PolicyRecord:
+    """Read `NAME.json` alone; ``path`` as for `read_policy`."""
+    file, _ = _files(path)
+    content = _bounded(file, LARGEST_RECORD)
+    try:
+        values = json.loads(content, parse_constant=_no_constant, object_pairs_hook=_no_twins)
+        return PolicyRecord.from_dict(values)
+    except RecursionError:
+        raise ValueError(f"{file}: nested too deeply") from None
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+
+
+def read_policy(path: str | Path) -> tuple[PolicyRecord, Tensors]:
+    """Read a policy from its pair of files.
+
+    Args:
+        path: of either file.
+
+    Returns:
+        The record, and the tensors that it asks for: float32, finite.
+
+    Raises:
+        ValueError: a file is missing, or anything in it is wrong; names the file, the field, the value and what is
+            allowed.
+        ImportError: safetensors is not installed; names the extra that brings it.
+    """
+    record = read_record(path)
+    file = _files(path)[1]
+    content = _bounded(file, LARGEST_WEIGHTS)
+    sha256 = hashlib.sha256(content).hexdigest()
+    if sha256 != record.sha256:
+        raise ValueError(f"{file}: sha256={sha256!r} is not allowed: its record asks for {record.sha256!r}")
+    numpy_safetensors = _safetensors()
+    try:
+        tensors = dict(numpy_safetensors.load(content))
+    except Exception as error:  # safetensors raises errors of its own, KeyError and more
+        raise ValueError(f"{file}: not a safetensors file ({' '.join(str(error).split())})") from None
+    try:
+        check_tensors(record, tensors)
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+    return record, tensors
+
+
+def write_policy(
+    path: str | Path, record: PolicyRecord, tensors: Mapping[str, NDArray[np.float32]], overwrite: bool = False
+) -> PolicyRecord:
+    """Write a policy's pair of files, each atomically; return the record with the sum of the weights' file.
+
+    Args:
+        path: of either file.
+        record: its ``sha256`` is filled in.
+        tensors: those that the record asks for, float32.
+        overwrite: replace what is there.
+
+    Raises:
+        ValueError: one of the files exists and ``overwrite`` is not set, or the tensors are not those that the record
+            asks for.
+        ImportError: safetensors is not installed; names the extra that brings it.
+    """
+    files = _files(path)
+    for file in files:
+        if file.exists() and not overwrite:
+            raise ValueError(f"{file} exists; name another file, or pass overwrite=True to replace it")
+    check_tensors(record, tensors)
+    content = _safetensors().save({name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()})
+    record = record.with_sha256(hashlib.sha256(content).hexdigest())
+    # A writer that is killed in between leaves a record that does not fit, or none: never another policy.
+    _write_atomic(files[1], content)
+    _write_atomic(files[0], (json.dumps(record.to_dict(), indent=1, allow_nan=False) + "\n").encode())
+    return record
+
+
+def check_tensors(record: PolicyRecord, tensors: Mapping[str, Any]) -> None:
+    """Raise ValueError unless the tensors are those that the record asks for: names, shapes, float32, finite."""
+    shapes = record.shapes
+    if set(tensors) != set(shapes):
+        raise ValueError(f"tensors {sorted(tensors)} are not allowed: they must be {sorted(shapes)}")
+    for name, shape in shapes.items():
+        tensor = tensors[name]
+        if tensor.shape != shape:
+            raise ValueError(f"{name} has shape {tensor.shape}, allowed: {shape}")
+        if tensor.dtype != np.float32:
+            raise ValueError(f"{name} has dtype {tensor.dtype}, allowed: float32")
+        if not np.isfinite(tensor).all():
+            raise ValueError(f"{name} holds {tensor[~np.isfinite(tensor)][0]}, allowed: finite numbers")
+    if (tensors["variance"] < 0.0).any():
+        raise ValueError(f"variance holds {tensors['variance'].min()}, allowed: numbers >= 0")
+
+
+def _files(path: str | Path) -> tuple[Path, Path]:
+    """Both files of a policy by the path of either."""
+    path = Path(path)
+    if path.suffix not in (".json", ".safetensors"):
+        raise ValueError(f"path {str(path)!r} is not allowed: it must end in .json or .safetensors")
+    return path.with_suffix(".json"), path.with_suffix(".safetensors")
+
+
+def _bounded(file: Path, largest: int) -> bytes:
+    """The content of a file that is not larger than a policy's can be."""
+    if not file.is_file():
+        raise ValueError(f"{file} is missing; a learned policy is a pair of files, .json and .safetensors")
+    with file.open("rb") as opened:
+        content = opened.read(largest + 1)
+    if len(content) > largest:
+        raise ValueError(f"{file}: size {file.stat().st_size} is not allowed: it must be <= {largest} bytes")
+    return content
+
+
+def _no_constant(text: str) -> NoReturn:
+    raise ValueError(f"{text} is not allowed: numbers must be finite")
+
+
+def _no_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in values:
+            raise ValueError(f"{name!r} appears twice")
+        values[name] = value
+    return values
+
+
+def _safetensors() -> Any:
+    try:
+        import safetensors.numpy
+    except ModuleNotFoundError as error:
+        raise ImportError(f'{error.name} is missing: pip install "lanekeep[agents]"') from error
+    return safetensors.numpy
+
+
+def _write_atomic(file: Path, content: bytes) -> None:
+    """Write a file so that a reader sees all of it or nothing."""
+    temporary = file.with_name(f".{file.name}.tmp")
+    try:
+        with temporary.open("wb") as opened:
+            opened.write(content)
+            opened.flush()
+            os.fsync(opened.fileno())
+        os.replace(temporary, file)
+    finally:
+        temporary.unlink(missing_ok=True)
