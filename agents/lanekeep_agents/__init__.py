@@ -1,11 +1,14 @@
 """Learning agents on the lanekeep environments.
 
 `load` gives a trained policy with the interface of the classical ones, run by numpy alone; `names` lists those that
-are shipped. `sb3_vec_env` gives Stable-Baselines3 the compiled vector environment without a Python loop over lanes.
+are shipped; `train` trains one. `sb3_vec_env` gives Stable-Baselines3 the compiled vector environment without a Python
+loop over lanes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +19,7 @@ if TYPE_CHECKING:
     from lanekeep_agents.learned import LearnedPolicy
     from lanekeep_agents.vec_env import LaneVecEnv
 
-__all__ = ["load", "names", "sb3_vec_env"]
+__all__ = ["load", "names", "sb3_vec_env", "train"]
 
 
 def names(scenario: Scenario | None = None) -> tuple[str, ...]:
@@ -83,10 +86,58 @@ def sb3_vec_env(env_id: str, num_envs: int, **keywords: Any) -> LaneVecEnv:
     Raises:
         ImportError: Stable-Baselines3 is not installed; names the extra that brings it.
     """
-    try:
+    with _extra():
         from lanekeep_agents.vec_env import LaneVecEnv
+    return LaneVecEnv(env_id, num_envs, **keywords)
+
+
+def train(
+    algorithm: str,
+    env_id: str,
+    out: str | Path,
+    *,
+    seed: int = 0,
+    steps: int | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    threads: int = 1,
+    report: Callable[[int, str], None] | None = None,
+    **changes: Any,
+) -> LearnedPolicy:
+    """Train a policy with the hyper-parameters of ``hyperparameters/ALGORITHM.yaml`` and return it.
+
+        >>> policy = train("ppo", "lanekeep/LaneKeep-v0", "runs/mine", seed=3)  # doctest: +SKIP
+        >>> action, state = policy.predict(observation)  # doctest: +SKIP
+
+    Args:
+        algorithm: "ppo", "sac" or "td3".
+        env_id: a registered id; "lanekeep/" may be left out.
+        out: folder for the policy file, the checkpoint, the evaluations and TensorBoard's events.
+        seed: of the run.
+        steps: environment steps over all lanes; None takes those of the hyper-parameters.
+        resume: go on from the checkpoint in ``out``; overwrite: replace another run there.
+        threads: of torch.
+        report: called between rollouts with the steps done and a line that tells how good the policy is.
+        changes: of the hyper-parameters, fields of `TrainingSettings`, e.g. ``env={"friction": 0.6}``, or
+            ``base="yin-lqr-observer", bound=0.2`` for a correction of that controller, ``imitate="stanley"``.
+
+    Raises:
+        ValueError, TypeError: a setting that is not allowed, or ``out`` holds another run.
+        ImportError: Stable-Baselines3 or torch is not installed; names the extra that brings it.
+    """
+    with _extra():
+        from lanekeep_agents.training.run import run
+        from lanekeep_agents.training.settings import settings_for
+    settings = settings_for(algorithm, env_id, seed, steps, **changes)
+    return run(settings, Path(out), resume=resume, overwrite=overwrite, threads=threads, report=report)
+
+
+@contextmanager
+def _extra() -> Iterator[None]:
+    """Name the extra that brings a package which is missing."""
+    try:
+        yield
     except ModuleNotFoundError as error:
-        if error.name not in ("stable_baselines3", "torch"):
+        if (error.name or "").partition(".")[0] not in ("stable_baselines3", "torch", "tensorboard", "yaml"):
             raise
         raise ImportError(f'{error.name} is missing: pip install "lanekeep[agents]"') from error
-    return LaneVecEnv(env_id, num_envs, **keywords)

@@ -20,6 +20,7 @@ import lanekeep_baselines
 import lanekeep_env
 from lanekeep_benchmarks.endings import Interrupted, disk_errors, input_errors, interruptible, one_line
 from lanekeep_benchmarks.replications import WORKS
+from lanekeep_benchmarks.train_command import train
 from lanekeep_env.checks import choose
 from lanekeep_env.roads import road_from
 from lanekeep_env.walls import world_from
@@ -31,6 +32,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+app.command()(train)
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 

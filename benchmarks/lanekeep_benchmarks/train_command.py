@@ -1,0 +1,91 @@
+"""`lanekeep train`: a learned policy from one command."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from lanekeep_benchmarks.endings import disk_errors, input_errors, interruptible
+
+
+def train(
+    algorithm: Annotated[str | None, typer.Argument(metavar="ALGO", help="ppo, sac or td3.")] = None,
+    env_id: Annotated[str | None, typer.Argument(metavar="ENV", help="A registered id.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the run; another seed gives another policy.")] = 0,
+    steps: Annotated[int | None, typer.Option(min=1, help="Environment steps; default: the YAML file's.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder; default: results/train-ALGO-TASK-seedSEED.")] = None,
+    base: Annotated[str | None, typer.Option(help="Classical controller to correct (residual learning).")] = None,
+    bound: Annotated[float | None, typer.Option(help="Largest correction, a share of the largest action.")] = None,
+    imitate: Annotated[str | None, typer.Option(help="Classical controller that is imitated first.")] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="A hyper-parameter: --set env.friction=0.6; may be repeated."),
+    ] = None,
+    threads: Annotated[int, typer.Option(min=1, help="Of torch; small networks are quickest with one.")] = 1,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out from its checkpoint.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the run in --out.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")] = False,
+) -> None:
+    """Train a policy with Stable-Baselines3; it is tried on held-out seeds, and the best one is kept.
+
+    Example: lanekeep train ppo LaneKeep-v0 --seed 3 --out results/mine
+
+    The folder gets the policy (a .json and a .safetensors file, for bench --policies), the evaluations, TensorBoard's
+    events and a checkpoint. A killed run goes on where it stopped: lanekeep train --resume --out results/mine
+    """
+    with input_errors():
+        try:
+            from lanekeep_agents.training import run as training
+            from lanekeep_agents.training.settings import changes_from, settings_for
+        except ModuleNotFoundError as error:
+            raise ImportError(f'{error.name} is missing: pip install "lanekeep[agents]"') from error
+        if resume and algorithm is None:
+            if out is None:
+                raise ValueError("--resume needs --out, the folder of the run")
+            settings = training.settings_in(out)
+        elif algorithm is None or env_id is None:
+            raise ValueError("ALGO and ENV are missing, e.g. lanekeep train ppo LaneKeep-v0")
+        else:
+            asked: dict[str, Any] = {"base": base, "bound": bound, "imitate": imitate}
+            try:
+                settings = settings_for(algorithm, env_id, seed, steps, **changes_from(changes or ()), **asked)
+            except TypeError as error:
+                raise ValueError(error) from error
+        name = training.policy_name(settings)
+        folder = out or Path("results") / f"train-{name}"
+    how = f"; to go on: lanekeep train --resume --out {shlex.quote(str(folder))}"
+    with interruptible(how), input_errors(), disk_errors(how), _progress() as progress:
+        task = progress.add_task(name, total=settings.steps, told="")
+        policy = training.run(
+            settings,
+            folder,
+            resume=resume,
+            overwrite=overwrite,
+            threads=threads,
+            report=lambda done, line: progress.update(task, completed=done, told=line),
+        )
+    record = policy.record
+    if as_json:
+        print(json.dumps({"folder": str(folder), "policy": str(folder / f"{name}.json"), **record.training.scores}))
+        return
+    scores = record.training.scores
+    print(
+        f"{name}: return {scores['mean_return']:.4g}, {scores['failure_rate']:.1%} failed, RMS lateral error "
+        f"{scores['rms_lateral_error']:.3f} m over {scores['episodes']} held-out episodes; {settings.steps:,} steps in "
+        f"{record.training.seconds:.0f} s, {scores['environment_share']:.0%} of it in the environment\n"
+        f"Policy: {folder / f'{name}.json'}"
+    )
+
+
+def _progress() -> Progress:
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    further = (TimeRemainingColumn(), TextColumn("{task.fields[told]}"))
+    # Where nobody watches, it would leave an empty line.
+    return Progress(*columns, *further, console=console, transient=True, disable=not console.is_terminal)
