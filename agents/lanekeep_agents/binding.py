@@ -66,10 +66,10 @@ class Binding:
         order = {channel.name: i for i, channel in enumerate(scenario.channels)}
         self.width = len(order)
         wanted = [_column(record, channel, scenario, order) for channel in record.channels]
-        # A slice copies rows several times as fast as an index.
-        self.columns: slice | NDArray[np.intp] = (
-            slice(None) if wanted == list(range(self.width)) else np.array(wanted, dtype=np.intp)
-        )
+        # A slice is copied several times as fast as what an index picks.
+        run = slice(wanted[0], wanted[0] + len(wanted))
+        in_a_row = wanted == list(range(run.start, run.stop))
+        self.columns: slice | NDArray[np.intp] = run if in_a_row else np.array(wanted, dtype=np.intp)
         self._converts = not _same_action(record, scenario)
         self._command = order.get("steering_command", -1)
         if self._converts and "steering_rate" in (record.action, scenario.action) and self._command < 0:

@@ -34,8 +34,8 @@ def export_sb3(model: Any, vec_normalize: Any = None) -> tuple[Network, Normalis
     normalisation, mean, variance = _statistics(vec_normalize, dense[0].in_features)
     tensors = {"mean": _float32(mean), "variance": _float32(variance)}
     for i, layer in enumerate(dense):
-        tensors[f"layers.{i}.weight"] = _float32(layer.weight.detach().cpu())
-        tensors[f"layers.{i}.bias"] = _float32(layer.bias.detach().cpu())
+        tensors[f"layers.{i}.weight"] = _float32(layer.weight.detach().cpu().numpy())
+        tensors[f"layers.{i}.bias"] = _float32(layer.bias.detach().cpu().numpy())
     hidden = tuple(layer.out_features for layer in dense[:-1])
     return Network(hidden, activation, squash), normalisation, tensors
 

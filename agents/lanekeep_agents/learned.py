@@ -13,10 +13,8 @@ from lanekeep_agents.policy_file import check_tensors
 from lanekeep_agents.policy_record import PolicyRecord
 
 #: Rows of a matrix product. BLAS lets the number of rows, and a row's place among them, choose the order of additions;
-#: all its kernels treat eight rows alike, so that rows are independent of each other to the last bit ...
+#: its kernels treat eight rows alike, so that rows are independent of each other to the last bit.
 BLOCK = 8
-#: ... and so are products with at least this many columns.
-LEAST_COLUMNS = 2
 
 
 class LearnedPolicy:
@@ -41,11 +39,14 @@ class LearnedPolicy:
         self.record = record
         self.name = record.name
         self._bound = Binding(record, scenario)
-        self._mean = np.array(tensors["mean"])
-        variance = np.array(tensors["variance"], dtype=np.float64)
-        self._inverse = (1.0 / np.sqrt(variance + record.normalisation.epsilon)).astype(np.float32)
-        layers = len(record.network.hidden) + 1
-        self._layers = [_layer(tensors[f"layers.{i}.weight"], tensors[f"layers.{i}.bias"]) for i in range(layers)]
+        variance = tensors["variance"].astype(np.float64)
+        # What is added to or multiplied by blocks has their shape: numpy then runs through a block at once.
+        self._mean = _block(tensors["mean"])
+        self._inverse = _block((1.0 / np.sqrt(variance + record.normalisation.epsilon)).astype(np.float32))
+        hidden = range(len(record.network.hidden))
+        self._hidden = [(tensors[f"layers.{i}.weight"].T.copy(), _block(tensors[f"layers.{i}.bias"])) for i in hidden]
+        last = len(record.network.hidden)
+        self._last = tensors[f"layers.{last}.weight"].copy(), tensors[f"layers.{last}.bias"].copy()
 
     def predict(
         self,
@@ -92,29 +93,28 @@ class LearnedPolicy:
         """Return the network's outputs, clipped to [-1, 1], (n, actions)."""
         record = self.record
         n, read = len(rows), len(record.channels)
-        x = np.zeros((-(-n // BLOCK) * BLOCK, record.inputs), dtype=np.float32)
+        y = np.zeros((-(-n // BLOCK), BLOCK, record.inputs), dtype=np.float32)
+        x = y.reshape(-1, record.inputs)
         x[:n, :read] = rows[:, self._bound.columns]
         if base is not None:
             x[:n, read:] = base
-        x -= self._mean
-        x *= self._inverse
-        x.clip(-record.normalisation.clip, record.normalisation.clip, out=x)
-        y = x.reshape(-1, BLOCK, record.inputs)
-        for weight, bias in self._layers[:-1]:
+        y -= self._mean
+        y *= self._inverse
+        y.clip(-record.normalisation.clip, record.normalisation.clip, out=y)
+        for weight, bias in self._hidden:
             y = y @ weight
             y += bias
             if record.network.activation == "tanh":
                 np.tanh(y, out=y)
             else:
                 y.clip(0.0, np.inf, out=y)  # three times as fast as np.maximum with a number
-        weight, bias = self._layers[-1]
-        y = (y @ weight)[:, :, : record.actions] + bias[: record.actions]
+        weight, bias = self._last
+        action = np.vecdot(y[:, :, None, :], weight).reshape(-1, record.actions)[:n] + bias
         if record.network.squash:
-            np.tanh(y, out=y)
-        return y.reshape(-1, record.actions)[:n].clip(-1.0, 1.0)
+            np.tanh(action, out=action)
+        return action.clip(-1.0, 1.0, out=action)
 
 
-def _layer(weight: NDArray[np.float32], bias: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Weights (in, out) and bias (out,) of a layer, with columns of zeros behind the last one where there are few."""
-    missing = max(0, LEAST_COLUMNS - len(bias))
-    return np.pad(weight.T, ((0, 0), (0, missing))).copy(order="C"), np.pad(bias, (0, missing))
+def _block(row: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Repeat a row for each row of a block."""
+    return np.tile(row, (BLOCK, 1))
