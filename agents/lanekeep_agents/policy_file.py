@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NoReturn
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_agents.policy_record import PolicyRecord
+from lanekeep_env.files import write_atomic
 
 #: Sizes beyond which files are not read, bytes.
 LARGEST_RECORD = 1 << 20
@@ -93,8 +93,8 @@ def write_policy(
     content = _safetensors().save({name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()})
     record = record.with_sha256(hashlib.sha256(content).hexdigest())
     # A writer that is killed in between leaves a record that does not fit, or none: never another policy.
-    _write_atomic(files[1], content)
-    _write_atomic(files[0], (json.dumps(record.to_dict(), indent=1, allow_nan=False) + "\n").encode())
+    write_atomic(files[1], content)
+    write_atomic(files[0], (json.dumps(record.to_dict(), indent=1, allow_nan=False) + "\n").encode())
     return record
 
 
@@ -153,16 +153,3 @@ def _safetensors() -> Any:
     except ModuleNotFoundError as error:
         raise ImportError(f'{error.name} is missing: pip install "lanekeep[agents]"') from error
     return safetensors.numpy
-
-
-def _write_atomic(file: Path, content: bytes) -> None:
-    """Write a file so that a reader sees all of it or nothing."""
-    temporary = file.with_name(f".{file.name}.tmp")
-    try:
-        with temporary.open("wb") as opened:
-            opened.write(content)
-            opened.flush()
-            os.fsync(opened.fileno())
-        os.replace(temporary, file)
-    finally:
-        temporary.unlink(missing_ok=True)

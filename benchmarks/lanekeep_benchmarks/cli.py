@@ -227,7 +227,7 @@ def replicate(
     Example: lanekeep replicate traechtler --out results/van
     """
     from lanekeep_benchmarks.replications import NOTE, Replication, steps_of
-    from lanekeep_benchmarks.results import write_atomic
+    from lanekeep_env.files import write_atomic
 
     with interruptible(""), input_errors():
         steps = list(steps_of(work))

@@ -14,7 +14,7 @@ import numpy as np
 
 import lanekeep_baselines
 import lanekeep_env  # noqa: F401
-from lanekeep_benchmarks.results import write_atomic
+from lanekeep_env.files import write_atomic
 
 GIF_WIDTH = 640
 #: Pictures a second at the most: more make the file large.

@@ -15,6 +15,7 @@ from typing import BinaryIO
 
 from lanekeep_benchmarks.evaluate import EpisodeResult
 from lanekeep_benchmarks.run_record import ANEW, RUN, RunRecord, another_run, told
+from lanekeep_env.files import write_atomic
 
 if sys.platform != "win32":
     import fcntl
@@ -27,20 +28,6 @@ TABLE = "summary.md"
 def default_folder(suite: str) -> Path:
     """A folder below results/ that names the suite and the time, so that runs do not meet."""
     return Path("results") / f"{suite}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
-
-
-def write_atomic(path: Path, content: bytes | str) -> None:
-    """Write a file so that a reader sees all of it or nothing; what a killed writer left is written over."""
-    data = content.encode() if isinstance(content, str) else content
-    temporary = path.with_name(f".{path.name}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def read_lines(file: Path) -> tuple[list[EpisodeResult], int]:

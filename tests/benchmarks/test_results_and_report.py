@@ -9,9 +9,10 @@ import pytest
 
 from lanekeep_benchmarks.evaluate import EpisodeResult
 from lanekeep_benchmarks.report import COLUMNS, caption, cells, headings, markdown, summarise, terminal_table
-from lanekeep_benchmarks.results import EPISODES, SUMMARY, ResultFolder, write_atomic
+from lanekeep_benchmarks.results import EPISODES, SUMMARY, ResultFolder
 from lanekeep_benchmarks.run_record import RUN, RunRecord
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
+from lanekeep_env.files import write_atomic
 
 SUITE = Suite(
     "made-up",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,6 +19,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.vec_env import LaneVecEnv
+from lanekeep_env.files import write_atomic
 
 Arrays = dict[str, np.ndarray]
 
@@ -29,19 +29,6 @@ _COUNTS = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_rem
 _SEEN = ("_last_obs", "_last_original_obs", "_last_episode_starts")
 #: Of a replay buffer.
 _REPLAY = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
-
-
-def write_atomic(path: Path, content: bytes) -> None:
-    """Write a file so that a reader sees all of it or nothing."""
-    temporary = path.with_name(f".{path.name}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def write_checkpoint(

@@ -25,13 +25,14 @@ from lanekeep_agents.export import export_sb3
 from lanekeep_agents.learned import LearnedPolicy
 from lanekeep_agents.policy_file import read_policy, write_policy
 from lanekeep_agents.policy_record import InputChannel, PolicyRecord, Training
-from lanekeep_agents.training.checkpoint import Arrays, read_checkpoint, write_atomic, write_checkpoint
+from lanekeep_agents.training.checkpoint import Arrays, read_checkpoint, write_checkpoint
 from lanekeep_agents.training.evaluation import HeldOut, Score
 from lanekeep_agents.training.imitation import imitate
 from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.training.rewards import LearnersRewards
 from lanekeep_agents.training.settings import TrainingSettings, settings_for
 from lanekeep_agents.vec_env import LaneVecEnv
+from lanekeep_env.files import write_atomic
 
 SETTINGS, CHECKPOINT, EVALUATIONS = "settings.json", "checkpoint.npz", "evaluations.csv"
 #: Steps done and what to say about it.
