@@ -82,7 +82,8 @@ def run(
     lanes = LaneVecEnv(settings.env_id, settings.num_envs, **keywords)
     scenario = lanes.env.unwrapped.scenario  # type: ignore[attr-defined]
     inner = lanes if settings.base is None else Corrections(lanes, scenario, settings.base, settings.bound or 0.0)
-    rewards = LearnersRewards(inner, scenario.largest_cost, settings.gamma, settings.reward_scale)
+    largest = scenario.largest_cost * scenario.control_step
+    rewards = LearnersRewards(inner, largest, settings.gamma, settings.reward_scale)
     env = VecNormalize(rewards, norm_reward=False, clip_obs=10.0, epsilon=1e-8)
     model = _model(settings, env)
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
