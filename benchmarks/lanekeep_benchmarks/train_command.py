@@ -17,7 +17,9 @@ from lanekeep_benchmarks.endings import disk_errors, input_errors, interruptible
 def train(
     algorithm: Annotated[str | None, typer.Argument(metavar="ALGO", help="ppo, sac or td3.")] = None,
     env_id: Annotated[str | None, typer.Argument(metavar="ENV", help="A registered id.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the run; another seed gives another policy.")] = 0,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Of the run; default: 0. Another gives another policy.")
+    ] = None,
     steps: Annotated[int | None, typer.Option(min=1, help="Environment steps; default: the YAML file's.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder; default: results/train-ALGO-TASK-seedSEED.")] = None,
     base: Annotated[str | None, typer.Option(help="Classical controller to correct (residual learning).")] = None,
@@ -48,13 +50,17 @@ def train(
         if resume and algorithm is None:
             if out is None:
                 raise ValueError("--resume needs --out, the folder of the run")
+            if any(given is not None for given in (seed, steps, base, bound, imitate, changes or None)):
+                raise ValueError(
+                    "--resume without ALGO and ENV goes on with the run in --out as it is: no other settings"
+                )
             settings = training.settings_in(out)
         elif algorithm is None or env_id is None:
             raise ValueError("ALGO and ENV are missing, e.g. lanekeep train ppo LaneKeep-v0")
         else:
             asked: dict[str, Any] = {"base": base, "bound": bound, "imitate": imitate}
             try:
-                settings = settings_for(algorithm, env_id, seed, steps, **changes_from(changes or ()), **asked)
+                settings = settings_for(algorithm, env_id, seed or 0, steps, **changes_from(changes or ()), **asked)
             except TypeError as error:
                 raise ValueError(error) from error
         name = training.policy_name(settings)

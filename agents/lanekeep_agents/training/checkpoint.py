@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -74,7 +73,7 @@ def read_checkpoint(path: Path, model: BaseAlgorithm, env: VecNormalize) -> tupl
             arrays = {name: file[name] for name in file.files}
         numbers = json.loads(str(arrays["numbers"]))
         _restore(model, env, arrays, numbers)
-    except (KeyError, ValueError, TypeError, RuntimeError, zipfile.BadZipFile, EOFError) as error:
+    except Exception as error:  # zipfile, numpy and torch raise errors of many kinds
         raise ValueError(f"{path} is not a checkpoint of this run: {error}") from None
     return numbers["notes"], _under("best", arrays)
 
@@ -86,10 +85,11 @@ def _restore(model: BaseAlgorithm, env: VecNormalize, arrays: Arrays, numbers: d
     mean, variance, count = (arrays[f"normalisation.{key}"] for key in ("mean", "variance", "count"))
     statistics = statistics_of(env)
     statistics.mean, statistics.var, statistics.count = mean, variance, float(count)
-    for name, value in numbers["counts"].items():
-        setattr(model, name, value)
-    for name, value in _under("seen", arrays).items():
-        setattr(model, name, value)
+    for name in _COUNTS:
+        setattr(model, name, numbers["counts"][name])
+    for name in _SEEN:
+        if f"seen.{name}" in arrays:
+            setattr(model, name, arrays[f"seen.{name}"])
     states, variables = model._get_torch_save_params()
     for name in states:
         whole = recursive_getattr(model, name)

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from stable_baselines3 import PPO
+from stable_baselines3 import PPO, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
-import lanekeep_baselines
 from lanekeep_agents.training.checkpoint import statistics_of
 
 #: Steps of every lane, epochs over them, rows of a batch, learning rate.
@@ -19,7 +18,7 @@ STEPS, EPOCHS, BATCH, RATE = 400, 20, 2048, 1e-3
 NOISE = 0.3
 
 
-def imitate(model: BaseAlgorithm, env: VecNormalize, scenario: Any, teacher: str, gamma: float, seed: int) -> None:
+def imitate(model: BaseAlgorithm, env: VecNormalize, teacher: Any, gamma: float, seed: int) -> None:
     """Fit the actor (and PPO's critic) of a fresh model to a classical controller, and set the normalisation.
 
     The teacher drives ``env`` with noise of another size in every lane; what is learned is what it asked for.
@@ -27,13 +26,11 @@ def imitate(model: BaseAlgorithm, env: VecNormalize, scenario: Any, teacher: str
     Args:
         model: a fresh algorithm on ``env``.
         env: normalised lanes, reset afterwards.
-        scenario: of the lanes.
-        teacher: name of the classical policy.
+        teacher: a classical policy for the scenario of the lanes.
         gamma: discount of a step, for the critic.
         seed: of the noise and of the batches.
     """
     random = np.random.default_rng(seed)
-    policy = lanekeep_baselines.make(teacher, scenario)
     n = env.num_envs
     size = random.uniform(0.0, NOISE, size=(n, 1))
     lanes, starts, memory = env.venv, np.ones(n, dtype=bool), None
@@ -41,7 +38,7 @@ def imitate(model: BaseAlgorithm, env: VecNormalize, scenario: Any, teacher: str
     seen, wanted, rewards, ends = [], [], [], []
     for _ in range(STEPS):
         assert isinstance(observation, np.ndarray)
-        action, memory = policy.predict(observation, memory, starts)
+        action, memory = teacher.predict(observation, memory, starts)
         action = np.clip(action, -1.0, 1.0)
         seen.append(observation)
         wanted.append(action)
@@ -56,6 +53,8 @@ def imitate(model: BaseAlgorithm, env: VecNormalize, scenario: Any, teacher: str
     inputs = torch.from_numpy(np.asarray(env.normalize_obs(rows), dtype=np.float32))
     network: Any = model.policy
     _fit(network, lambda batch: network._predict(batch, deterministic=True), inputs, np.concatenate(wanted), random)
+    if isinstance(model, TD3):
+        network.actor_target.load_state_dict(network.actor.state_dict())
     if isinstance(model, PPO):
         _fit(network, network.predict_values, inputs, _returns(rewards, ends, gamma), random)
 

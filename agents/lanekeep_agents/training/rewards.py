@@ -17,6 +17,12 @@ class LearnersRewards(VecEnvWrapper):
     that discounts by ``gamma`` a step values that time at cost/(1 - gamma) at most: the charge is bounded by this, so
     that leaving the lane is as bad as staying outside of it for ever, and returns have one scale.
 
+    Args:
+        venv: lanes, with corrections or without.
+        largest_cost: of a control step.
+        gamma: discount of a control step.
+        scale: factor of the rewards.
+
     Attributes:
         seconds: spent in the environment since the start, s.
     """

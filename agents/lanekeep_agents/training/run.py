@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import shlex
 import time
@@ -20,6 +21,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecNormalize
 
+import lanekeep_baselines
 import lanekeep_env
 from lanekeep_agents.export import export_sb3
 from lanekeep_agents.learned import LearnedPolicy
@@ -32,14 +34,18 @@ from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.training.rewards import LearnersRewards
 from lanekeep_agents.training.settings import TrainingSettings, settings_for
 from lanekeep_agents.vec_env import LaneVecEnv
+from lanekeep_env.checks import choose
 from lanekeep_env.files import write_atomic
 
 SETTINGS, CHECKPOINT, EVALUATIONS = "settings.json", "checkpoint.npz", "evaluations.csv"
 #: Steps done and what to say about it.
 Report = Callable[[int, str], None]
 
-_ALGORITHMS: dict[str, Callable[..., BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
+_ALGORITHMS: dict[str, type[PPO] | type[SAC] | type[TD3]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
 _ABSENT = object()
+#: Arguments of the algorithms that other settings give, or that a checkpoint does not keep.
+_OWN = {"policy", "env", "learning_rate", "gamma", "seed", "device", "policy_kwargs", "action_noise"}
+_OWN |= {"rollout_buffer_class", "replay_buffer_class", "optimize_memory_usage", "_init_setup_model"}
 _ACTIVATIONS = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
 
 
@@ -76,52 +82,57 @@ def run(
         ValueError: the folder holds a run and neither ``resume`` nor ``overwrite`` is set, or holds another run
             (``resume``); a setting that does not fit the environment.
     """
-    _open(settings, folder, resume, overwrite)
+    record = _check(settings, folder, resume, overwrite)
     torch.set_num_threads(threads)
     started = time.perf_counter()
     keywords = {"dtype": "float32", **settings.env}
     lanes = LaneVecEnv(settings.env_id, settings.num_envs, **keywords)
     scenario = lanes.env.unwrapped.scenario  # type: ignore[attr-defined]
     inner = lanes if settings.base is None else Corrections(lanes, scenario, settings.base, settings.bound or 0.0)
-    rewards = LearnersRewards(inner, scenario.largest_cost, settings.gamma, settings.reward_scale)
+    largest = scenario.largest_cost * scenario.control_step
+    rewards = LearnersRewards(inner, largest, settings.gamma, settings.reward_scale)
     env = VecNormalize(rewards, norm_reward=False, clip_obs=10.0, epsilon=1e-8)
     model = _model(settings, env)
-    model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     held_out = HeldOut(settings.env_id, keywords, settings.evaluation_episodes, settings.seed_of("evaluation"))
+    teacher = None if settings.imitate is None else lanekeep_baselines.make(settings.imitate, scenario)
+    if not resume:  # only now: what does not fit the environment is known before another run is replaced
+        _claim(folder, record)
+    model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     course = _Course(settings, folder, env, rewards, held_out, scenario, started, checkpoint_seconds, report)
     if resume and (folder / CHECKPOINT).exists():
         course.take_up(*read_checkpoint(folder / CHECKPOINT, model, env))
-    elif settings.imitate is not None:
-        imitate(model, env, scenario, settings.imitate, settings.gamma, settings.seed_of("imitation"))
+    elif teacher is not None:
+        imitate(model, env, teacher, settings.gamma, settings.seed_of("imitation"))
     if model.num_timesteps < settings.steps:
-        fresh = model.num_timesteps == 0
-        model.learn(settings.steps - model.num_timesteps, course, reset_num_timesteps=fresh, log_interval=10)
+        # Counts start at zero anyway; lanes that a checkpoint has set must not be reset.
+        model.learn(settings.steps - model.num_timesteps, course, reset_num_timesteps=False, log_interval=10)
     return course.finish(model)
 
 
-def _open(settings: TrainingSettings, folder: Path, resume: bool, overwrite: bool) -> None:
-    """Claim the folder for this run."""
+def _check(settings: TrainingSettings, folder: Path, resume: bool, overwrite: bool) -> str:
+    """Return what the folder's record of this run says, after a look at what is there."""
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"--out {folder} is a file; allowed: a folder, which is made if it is missing")
-    record = {"version": lanekeep_env.__version__, **settings.to_dict()}
-    file = folder / SETTINGS
-    if file.exists() and resume:
-        found = json.loads(file.read_text())
-        for name in sorted({*found, *record}):
-            if found.get(name) != record.get(name):
+    record = json.dumps({"version": lanekeep_env.__version__, **settings.to_dict()}, indent=1) + "\n"
+    if resume:
+        found, wanted = settings_in(folder).to_dict(), json.loads(record)
+        for name, value in found.items():
+            if value != wanted[name]:
                 raise ValueError(
-                    f"--out {folder} holds another run: {name} is {found.get(name)!r} there, {record.get(name)!r} "
+                    f"--out {folder} holds another run: {name} is {value!r} there, {wanted[name]!r} "
                     "wanted; leave the options out to go on with that one, or name another folder"
                 )
-        return
-    if file.exists() and not overwrite:
+    elif (folder / SETTINGS).exists() and not overwrite:
         raise ValueError(f"--out {folder} already holds a run; name another folder, or pass --resume or --overwrite")
-    if resume:
-        raise ValueError(f"--out {folder} holds no run to resume ({SETTINGS} is missing)")
+    return record
+
+
+def _claim(folder: Path, record: str) -> None:
+    """Make the folder this run's."""
     folder.mkdir(parents=True, exist_ok=True)
     for old in (CHECKPOINT, EVALUATIONS):
         (folder / old).unlink(missing_ok=True)
-    write_atomic(file, (json.dumps(record, indent=1) + "\n").encode())
+    write_atomic(folder / SETTINGS, record.encode())
 
 
 def settings_in(folder: Path) -> TrainingSettings:
@@ -137,7 +148,7 @@ def settings_in(folder: Path) -> TrainingSettings:
         values = json.loads(file.read_text())
         version = values.pop("version")
         settings = TrainingSettings.from_dict(values, str(file))
-    except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
+    except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
         raise ValueError(f"{file} is not the record of a training run: {error}") from None
     if version != lanekeep_env.__version__:
         raise ValueError(f"{file} is of version {version}, this is {lanekeep_env.__version__}: install that one")
@@ -151,22 +162,29 @@ def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
         "net_arch": list(settings.hidden),
         "activation_fn": _ACTIVATIONS[settings.activation],
     }
+    kind = _ALGORITHMS[settings.algorithm]
+    allowed = sorted(set(inspect.signature(kind).parameters) - _OWN)
+    for name in settings.parameters:
+        choose("parameters", name, allowed)
     further = dict(settings.parameters)
     if settings.algorithm == "ppo":
         network["log_std_init"] = settings.log_std
     if settings.algorithm == "td3":
         shape = env.action_space.shape or ()
         further["action_noise"] = NormalActionNoise(np.zeros(shape), np.full(shape, settings.action_noise))
-    return _ALGORITHMS[settings.algorithm](
-        "MlpPolicy",
-        env,
-        learning_rate=lambda left: rate * (last + (1.0 - last) * left),
-        gamma=settings.gamma,
-        seed=settings.seed_of("training"),
-        device="cpu",
-        policy_kwargs=network,
-        **further,
-    )
+    try:
+        return kind(
+            "MlpPolicy",
+            env,
+            learning_rate=lambda left: rate * (last + (1.0 - last) * left),
+            gamma=settings.gamma,
+            seed=settings.seed_of("training"),
+            device="cpu",
+            policy_kwargs=network,
+            **further,
+        )
+    except (TypeError, AssertionError) as error:
+        raise ValueError(f"parameters={further!r} are not allowed: {error}") from error
 
 
 class _Course(BaseCallback):
@@ -217,8 +235,8 @@ class _Course(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         """Between two rollouts nothing is half done."""
-        due = len(self._scores) * self._settings.steps / self._settings.evaluations
-        if self.num_timesteps >= due:
+        share = self._settings.steps / self._settings.evaluations
+        if not self._scores or self.num_timesteps // share > self._scores[-1][0] // share:
             self._evaluate()
         if time.perf_counter() - self._saved >= self._checkpoint_seconds:
             self._save()

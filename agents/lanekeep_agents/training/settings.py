@@ -12,10 +12,16 @@ from typing import Any
 import yaml
 
 import lanekeep_env
-from lanekeep_env.checks import choose, from_mapping, nearest, require
+from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
 
 HYPERPARAMETERS = Path(__file__).parents[1] / "hyperparameters"
 ALGORITHMS = ("ppo", "sac", "td3")
+#: Keywords of ``gym.make_vec`` that are not those of the environment.
+_OWN_KEYWORDS = ("num_envs", "autoreset_mode", "vectorization_mode", "render_mode")
+#: What has an option of its own.
+_OPTIONS = {"algorithm": "ALGO", "env_id": "ENV"} | {
+    name: f"--{name}" for name in ("seed", "steps", "base", "bound", "imitate")
+}
 
 
 @dataclass(frozen=True)
@@ -71,13 +77,24 @@ class TrainingSettings:
         require("seed", self.seed, "", at_least=0, whole=True)
         require("steps", self.steps, "environment steps", at_least=1, whole=True)
         require("num_envs", self.num_envs, "lanes", at_least=1, whole=True)
-        object.__setattr__(self, "hidden", tuple(self.hidden))
+        if not isinstance(self.hidden, list | tuple) or len(self.hidden) > 8:
+            raise ValueError(
+                f"hidden={self.hidden!r} is not allowed: it must be a list of at most 8 numbers of neurons"
+            )
         for neurons in self.hidden:
-            require("hidden", neurons, "neurons", at_least=1, at_most=4096, whole=True)
+            require("hidden", neurons, "neurons", at_least=2, at_most=4096, whole=True)
+        object.__setattr__(self, "hidden", tuple(int(neurons) for neurons in self.hidden))
+        for name, value in (("env", self.env), ("parameters", self.parameters)):
+            if not isinstance(value, Mapping):
+                raise ValueError(f"{name}={value!r} is not allowed: it must be a mapping, e.g. {name}.NAME=VALUE")
+        for name in self.env:
+            if name in _OWN_KEYWORDS:
+                raise ValueError(f"env.{name} is not allowed: training sets it itself")
         choose("activation", self.activation, ("relu", "tanh"))
         require("gamma", self.gamma, "", above=0.0, at_most=0.9999)
         require("learning_rate", self.learning_rate, "", above=0.0)
         require("final_learning_rate", self.final_learning_rate, "(a share)", at_least=0.0, at_most=1.0)
+        require("log_std", self.log_std, "", at_least=-20.0, at_most=2.0)
         require("action_noise", self.action_noise, "", at_least=0.0)
         require("reward_scale", self.reward_scale, "", above=0.0)
         require("evaluations", self.evaluations, "", at_least=1, whole=True)
@@ -87,6 +104,7 @@ class TrainingSettings:
         require("bound", self.bound, "(a share of the largest action)", above=0.0, at_most=2.0, optional=True)
         if self.base is not None and self.imitate is not None:
             raise ValueError("base and imitate exclude each other: a correction starts with its base's actions")
+        plain_numbers(self)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-able values; `TrainingSettings` of them is the same again."""
@@ -141,7 +159,7 @@ def settings_for(
 
 
 def changes_from(texts: Sequence[str]) -> dict[str, Any]:
-    """Read ``NAME=VALUE`` texts; VALUE is YAML, and NAME may be that of an entry: "env.preview=20".
+    """Read ``NAME=VALUE`` texts; VALUE is JSON or YAML, and NAME may be that of an entry: "env.preview=20".
 
     Raises:
         ValueError: a text that is not of that form.
@@ -151,13 +169,26 @@ def changes_from(texts: Sequence[str]) -> dict[str, Any]:
         name, equals, value = text.partition("=")
         outer, dot, inner = name.partition(".")
         if not equals or not outer or (dot and not inner):
-            raise ValueError(f"--set {text!r} is not allowed: it must be NAME=VALUE, e.g. learning_rate=1.0e-3")
-        try:
-            read = yaml.safe_load(value)
-        except yaml.YAMLError as error:
-            raise ValueError(f"--set {text!r} is not allowed: {' '.join(str(error).split())}") from None
+            raise ValueError(f"--set {text!r} is not allowed: it must be NAME=VALUE, e.g. learning_rate=1e-3")
+        if outer in _OPTIONS:
+            raise ValueError(f"--set {text!r} is not allowed: {outer} is given by {_OPTIONS[outer]}")
+        read = _read(value, text)
         if dot:
-            changes.setdefault(outer, {})[inner] = read
+            whole = changes.setdefault(outer, {})
+            if not isinstance(whole, dict):
+                raise ValueError(f"--set {text!r} is not allowed: {outer}={whole!r} is not a mapping")
+            whole[inner] = read
         else:
             changes[outer] = read
     return changes
+
+
+def _read(value: str, text: str) -> Any:
+    try:
+        return json.loads(value)  # to YAML, 1e-5 is a word
+    except json.JSONDecodeError:
+        pass
+    try:
+        return yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise ValueError(f"--set {text!r} is not allowed: {' '.join(str(error).split())}") from None
