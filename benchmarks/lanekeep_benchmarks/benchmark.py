@@ -12,10 +12,11 @@ import lanekeep_env
 from lanekeep_benchmarks import plots
 from lanekeep_benchmarks.evaluate import EpisodeResult, Policy, episode_seed, evaluate, make_lanes, record
 from lanekeep_benchmarks.policies import FILE, check_policy, default_policies, make_policy, policy_digest
-from lanekeep_benchmarks.report import markdown, rows_of, summarise
+from lanekeep_benchmarks.report import markdown
 from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder, default_folder
 from lanekeep_benchmarks.run_record import RunRecord, code_hash
 from lanekeep_benchmarks.suites import Suite, road_suite, suite_named
+from lanekeep_benchmarks.summary import rows_of, summarise
 from lanekeep_env.checks import require
 from lanekeep_env.scenario import RoadScenario
 

@@ -41,13 +41,12 @@ def default_policies(definitions: Iterable[Any], family: str = "", learned: bool
 
     ``learned`` adds the shipped learned policies whose channels, actions and control step fit them all.
     """
-    definitions = list(definitions)
-    packages = (lanekeep_baselines, lanekeep_agents) if learned else (lanekeep_baselines,)
-    found = []
-    for package in packages:
-        driving = [set(package.names(definition)) for definition in definitions]
-        found += [name for name in package.names() if all(name in names for names in driving)]
-    return [name for name in found if name.startswith(family)]
+    able = [
+        {*lanekeep_baselines.names(definition), *(lanekeep_agents.names(definition) if learned else ())}
+        for definition in definitions
+    ]
+    names = [name for name in lanekeep_baselines.names() if name.startswith(family)]
+    return [name for name in (*names, *lanekeep_agents.names()) if all(name in those for those in able)]
 
 
 def make_policy(name: str, scenario: Any) -> Policy:

@@ -135,13 +135,13 @@ def seeds_mean(
     return Interval(value, value - half, value + half)
 
 
-def seeds_rate(failed: NDArray[np.bool_], confidence: float = CONFIDENCE) -> Interval:
-    """Failure rate over training seeds and episodes, (seeds, episodes).
+def seeds_rate(failed: NDArray[np.float64], confidence: float = CONFIDENCE) -> Interval:
+    """Failure rate of (seeds, episodes) that are 1 where the episode failed, else 0.
 
     At least as wide as Wilson's over the episodes, which are the same for all seeds; wider where the seeds differ.
     """
     of_episodes = wilson(float(failed.mean(axis=0).sum()), failed.shape[1], confidence)
-    of_seeds = seeds_mean(failed.astype(np.float64), confidence=confidence)
+    of_seeds = seeds_mean(failed, confidence=confidence)
     # NaN of one episode loses against either bound.
     low, high = np.fmin(of_episodes.low, of_seeds.low), np.fmax(of_episodes.high, of_seeds.high)
     return Interval(of_episodes.value, max(0.0, float(low)), min(1.0, float(high)))

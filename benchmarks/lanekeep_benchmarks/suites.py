@@ -319,6 +319,12 @@ SUITES: dict[str, Suite] = {
                     {"departure": "cost", "road": {"kind": "parking", "seed": 1}},
                     env_id="lanekeep/ReversePath-v0",
                 ),
+                SuiteScenario(
+                    "parking-mismatch",
+                    "The same with cars of the set 'mismatch'",
+                    {"departure": "cost", "road": {"kind": "parking", "seed": 1}, "randomisation": "mismatch"},
+                    env_id="lanekeep/ReversePath-v0",
+                ),
             ),
             family="werling",
         ),

@@ -180,6 +180,45 @@ def test_play_drives_learned_policies(zoo, tmp_path, monkeypatch, name, capsys):
     assert [file.name for file in (tmp_path / "results").iterdir()] == ["LaneKeep-v0-ppo-lane-keep-seed0-seed0.gif"]
 
 
+def test_a_residual_policy_that_corrects_nothing_drives_as_its_base(tmp_path, monkeypatch):
+    """A real file, all the way: every metric of every episode is that of the controller below."""
+    pytest.importorskip("safetensors")
+    from lanekeep_agents import policy_file
+    from lanekeep_agents import policy_record as records
+
+    monkeypatch.setitem(SUITES, "short", SUITE)
+    scenario = LaneKeepScenario(preview=1)
+    record = records.PolicyRecord(
+        name="residual",
+        algorithm="PPO",
+        env_id="lanekeep/LaneKeep-v0",
+        scenario=scenario.to_dict(),
+        scenario_hash=scenario.hash,
+        channels=[records.InputChannel(c.name, c.unit, c.description) for c in scenario.channels],
+        actions=1,
+        action=scenario.action,
+        max_steering_angle=scenario.max_steering_angle,
+        max_steering_rate=scenario.max_steering_rate,
+        control_step=scenario.control_step,
+        network=records.Network((4,), "tanh", False),
+        normalisation=records.Normalisation(),
+        base="stanley",
+        bound=0.2,
+        training=records.Training("none", {}, 0, 0, 0.0, {}, {}),
+    )
+    tensors = {name: np.zeros(shape, dtype=np.float32) for name, shape in record.shapes.items()}
+    tensors["variance"] += 1.0
+    policy_file.write_policy(tmp_path / "residual.json", record, tensors)
+    out = tmp_path / "out"
+    assert bench(out, "short", "--policies", f"stanley,{tmp_path / 'residual.json'}") == 0
+    lines = [json.loads(line) for line in (out / "episodes.jsonl").read_text().splitlines()]
+    stanley, residual = (
+        {(line["scenario"], line["episode"]): line["metrics"] for line in lines if line["policy"].endswith(name)}
+        for name in ("stanley", "residual.json")
+    )
+    assert len(stanley) == 8 and residual == stanley
+
+
 def test_the_classical_benchmark_imports_no_trainer():
     code = (
         "import sys, lanekeep_benchmarks.benchmark as b, lanekeep_benchmarks.cli;"

@@ -9,10 +9,11 @@ import pytest
 from scipy import stats
 
 from lanekeep_benchmarks.evaluate import EpisodeResult
-from lanekeep_benchmarks.report import COLUMNS, caption, cells, headings, markdown, rows_of, summarise, terminal_table
+from lanekeep_benchmarks.report import caption, cells, headings, markdown, terminal_table
 from lanekeep_benchmarks.results import EPISODES, SUMMARY, ResultFolder, write_atomic
 from lanekeep_benchmarks.run_record import RUN, RunRecord
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
+from lanekeep_benchmarks.summary import COLUMNS, rows_of, summarise
 
 SUITE = Suite(
     "made-up",
@@ -104,12 +105,12 @@ def test_seeds_widen_the_interval_and_pool_the_failures():
     errors = np.random.default_rng(0).uniform(0.5, 5.0, 20)
     lines = [line("ref", i, error) for i, error in enumerate(errors)]
     for seed, more in enumerate((0.2, 0.3, 0.4)):
-        lines += [line(f"ppo-seed{seed}", i, error + more, failed=i < seed) for i, error in enumerate(errors)]
+        lines += [line(f"ppo-seed{seed}", i, error + more, failed=i < 20 * seed) for i, error in enumerate(errors)]
     policies = ["ref", "ppo-seed0", "ppo-seed1", "ppo-seed2"]
     summary = summarise(SUITE, lines, policies)
     second = summary["scenarios"][0]["policies"][1]
-    assert (second["policy"], second["seeds"], second["failures"]) == ("ppo (3 seeds)", 3, 3)
-    assert second["failure_rate"]["value"] == pytest.approx(3 / 60)
+    assert (second["policy"], second["seeds"], second["failures"]) == ("ppo (3 seeds)", 3, 40)
+    assert second["failure_rate"]["value"] == pytest.approx(2 / 3)
     difference = second["difference_to_reference"]["rms_lateral_error"]
     half = stats.t.ppf(0.975, 2) * 0.1 / math.sqrt(3)
     assert [difference[key] for key in ("value", "low", "high")] == pytest.approx([0.3, 0.3 - half, 0.3 + half])
@@ -121,17 +122,20 @@ def test_seeds_widen_the_interval_and_pool_the_failures():
 
 
 def test_marks_say_who_wins():
-    """b errs 0.1 m more, which is worse of an error and better of a return; c is on average the same."""
+    """b errs 0.1 m more, which is worse of an error and better of a return; c is on average the same; a often fails."""
     generator = np.random.default_rng(2)
     errors, swing = generator.uniform(0.5, 5.0, 20), np.resize([0.3, -0.3], 20)
-    lines = [line("a", i, error) for i, error in enumerate(errors)]
+    lines = [line("a", i, error, failed=i % 2 == 0) for i, error in enumerate(errors)]
     lines += [line("b", i, error + 0.1) for i, error in enumerate(errors)]
-    lines += [line("c", i, error + swing[i]) for i, error in enumerate(errors)]
+    lines += [line("c", i, error + swing[i], failed=i % 2 == 1) for i, error in enumerate(errors)]
     a, b, c = summarise(SUITE, lines, ["a", "b", "c"])["scenarios"][0]["policies"]
     assert a["verdict"] is None
-    assert b["verdict"] == {column.key: "better" if column.key == "return" else "worse" for column in ERRORS}
+    worse = {column.key: "worse" for column in ERRORS}
+    assert b["verdict"] == worse | {"return": "better", "failure_rate": "better"}
+    assert b["difference_to_reference"]["failure_rate"]["value"] == -0.5
     assert set(c["verdict"].values()) == {"tie"}
-    assert cells(b, ERRORS)[1][0].endswith(" ▼") and cells(b, ERRORS)[len(ERRORS)][0].endswith(" ▲")
+    marks = [value[-2:] for value, _ in cells(b, ERRORS)]
+    assert marks[:2] == [" ▲", " ▼"] and marks[len(ERRORS)] == " ▲"
     assert not any(mark in cell for row in (a, c) for cell, _ in cells(row, ERRORS) for mark in "▲▼")
 
 

@@ -147,10 +147,10 @@ def test_seeds_meet_the_same_episodes():
 
 def test_the_rate_over_seeds_is_never_narrower_than_wilsons():
     """Five seeds on the same 20 episodes are no hundred episodes; one seed of five that always fails is no 20 %."""
-    none = seeds_rate(np.zeros((5, 20), dtype=bool))
+    none = seeds_rate(np.zeros((5, 20)))
     assert none == wilson(0, 20)
-    one = np.zeros((5, 20), dtype=bool)
-    one[2] = True
+    one = np.zeros((5, 20))
+    one[2] = 1.0
     uneven, student = seeds_rate(one), stats.ttest_1samp([0, 0, 1, 0, 0], 0.0).confidence_interval()
     assert uneven.value == pytest.approx(0.2)
     assert uneven.low == 0.0 and uneven.high == pytest.approx(student.high, rel=1e-9)
