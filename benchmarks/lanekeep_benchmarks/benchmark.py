@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import lanekeep_baselines
 import lanekeep_env
 from lanekeep_benchmarks import plots
 from lanekeep_benchmarks.evaluate import EpisodeResult, Policy, episode_seed, evaluate, make_lanes, record
-from lanekeep_benchmarks.report import markdown, summarise
+from lanekeep_benchmarks.policies import FILE, check_policy, default_policies, make_policy, policy_digest
+from lanekeep_benchmarks.report import markdown
 from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder, default_folder
 from lanekeep_benchmarks.run_record import RunRecord, code_hash
 from lanekeep_benchmarks.suites import Suite, road_suite, suite_named
-from lanekeep_env.checks import nearest, require
+from lanekeep_benchmarks.summary import rows_of, summarise
+from lanekeep_env.checks import require
 from lanekeep_env.scenario import RoadScenario
 
 
@@ -30,6 +31,7 @@ class Plan:
     seed: int
     road: Path | None
     scenario_hash: dict[str, str] = field(default_factory=dict)
+    policy_sha256: dict[str, str] = field(default_factory=dict)
     results: list[EpisodeResult] = field(default_factory=list)
     _made: dict[tuple[str, str], Policy] = field(default_factory=dict)
 
@@ -37,7 +39,7 @@ class Plan:
         """Return the policy designed for that definition; policies are pure, so one serves the whole run."""
         key = name, definition.hash
         if key not in self._made:
-            self._made[key] = lanekeep_baselines.make(name, definition)
+            self._made[key] = make_policy(name, definition)
         return self._made[key]
 
     @property
@@ -57,6 +59,7 @@ class Plan:
             episodes=self.episodes,
             seed=self.seed,
             scenario_hash=self.scenario_hash,
+            policy_sha256=self.policy_sha256,
         )
 
 
@@ -100,7 +103,8 @@ def make_plan(suite: str | None, policies: str | None, road: Path | None, episod
     """Read the options; build everything once, so that nothing is driven before all of it is known to work.
 
     Raises:
-        ValueError, OSError: unknown suite or policy, or a road that cannot be driven.
+        ValueError, OSError: unknown suite or policy, a policy that cannot drive one of the scenarios, or a road that
+            cannot be driven.
     """
     require("--episodes", episodes, "", at_least=1, whole=True, optional=True)
     require("--seed", seed, "", at_least=0, whole=True)
@@ -112,32 +116,35 @@ def make_plan(suite: str | None, policies: str | None, road: Path | None, episod
         env = make_lanes(scenario, 1)
         definitions[scenario.name] = env.unwrapped.scenario
         env.close()
-    names = policy_names(policies, definitions.values(), chosen.family)
+    if policies is None:
+        names = default_policies(definitions.values(), chosen.family, chosen.learned)
+    else:
+        names = policy_names(policies)
     plan = Plan(chosen, names, episodes or chosen.episodes, seed, road)
     for scenario in chosen.scenarios:
         definition = definitions[scenario.name]
         plan.scenario_hash[scenario.name] = scenario.hash(definition.hash)
         for name in names:
-            plan.policy(name, definition)
+            try:
+                plan.policy(name, scenario.policies_scenario(definition))
+            except (ValueError, ImportError) as error:
+                raise ValueError(f"{name} cannot drive {scenario.name} of {chosen.name}: {error}") from error
+    digests = {name: policy_digest(name) for name in names}
+    plan.policy_sha256 |= {name: digest for name, digest in digests.items() if digest is not None}
     return plan
 
 
-def policy_names(text: str | None, definitions: Iterable[RoadScenario], family: str) -> list[str]:
-    """Split a comma-separated list; None means all of a family that can drive ``definitions``.
+def policy_names(text: str) -> list[str]:
+    """Split a comma-separated list of names and files.
 
     Raises:
-        ValueError: an unknown or a repeated name.
+        ValueError: an unknown or a repeated name, or none.
     """
-    known = list(lanekeep_baselines.names())
-    if text is None:
-        driving = [set(lanekeep_baselines.names(definition)) for definition in definitions]
-        return [name for name in known if name.startswith(family) and all(name in names for names in driving)]
     names = [name.strip() for name in text.split(",") if name.strip()]
     for name in names:
-        if name not in known:
-            raise ValueError(f"policy {name!r} is unknown{nearest(name, known)}; allowed: {', '.join(known)}")
+        check_policy(name)
     if not names or len(set(names)) < len(names):
-        raise ValueError(f"--policies {text!r} is not allowed: one or more different names of {', '.join(known)}")
+        raise ValueError(f"--policies {text!r} is not allowed: one or more different names or {FILE} files")
     return names
 
 
@@ -168,7 +175,10 @@ def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
         env = make_lanes(scenario, 1)
         definition = env.unwrapped.scenario
         env.close()
-        traces = {name: record(scenario, plan.policy(name, definition), seed) for name in plan.policies}
+        told = scenario.policies_scenario(definition)
+        # One training seed shows what the others do; more would hide the other policies.
+        shown = [row[0] for row in rows_of(plan.policies).values()]
+        traces = {name: record(scenario, plan.policy(name, told), seed) for name in shown}
         title = f"{scenario.title}: episode 0, seed {plan.seed}"
         width = getattr(definition, "lane_width", None)
         picture = plots.plot_episode(title, traces, definition.control_step, width)

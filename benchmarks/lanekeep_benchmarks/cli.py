@@ -16,9 +16,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
-import lanekeep_baselines
 import lanekeep_env
 from lanekeep_benchmarks.endings import Interrupted, disk_errors, input_errors, interruptible, one_line
+from lanekeep_benchmarks.policies import FILE, check_policy
 from lanekeep_benchmarks.replications import WORKS
 from lanekeep_benchmarks.train_command import train
 from lanekeep_env.checks import choose
@@ -106,7 +106,9 @@ def envs(as_json: Json = False) -> None:
 @app.command()
 def bench(
     suite: Annotated[str | None, typer.Argument(help="Name of the suite; default: classical.")] = None,
-    policies: Annotated[str | None, typer.Option(help="Policies, comma-separated; the first is the reference.")] = None,
+    policies: Annotated[
+        str | None, typer.Option(help="Names or .json files of policies, comma-separated; the first is the reference.")
+    ] = None,
     road: Annotated[Path | None, typer.Option(help="CSV centre line (x, y in m) to drive instead of a suite.")] = None,
     episodes: Annotated[int | None, typer.Option(help="Episodes for each scenario; default: the suite's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Another seed, other episodes; default: 0.")] = None,
@@ -161,7 +163,9 @@ def _progress(unit: str = "episodes") -> Progress:
 @app.command(name="play")
 def play_command(
     env_id: Annotated[str, typer.Argument(metavar="ENV", help="A registered id.")] = "lanekeep/LaneKeep-v0",
-    policy: Annotated[str | None, typer.Option(help="A classical controller; default: one that suits ENV.")] = None,
+    policy: Annotated[
+        str | None, typer.Option(help="Name of a policy or its .json file; default: one that suits ENV.")
+    ] = None,
     gif: Annotated[Path | None, typer.Option(help="File for the pictures; by default one in results/.")] = None,
     human: Annotated[bool, typer.Option("--human", help="Show a window instead of writing a GIF.")] = False,
     road: Annotated[str | None, typer.Option(help="Name of a road or a CSV file.")] = None,
@@ -183,7 +187,7 @@ def play_command(
             env_id = f"lanekeep/{env_id}"
         choose("ENV", env_id, lanekeep_env.ENVIRONMENTS)
         if policy is not None:
-            choose("--policy", policy, lanekeep_baselines.names())
+            check_policy(policy)
         where = playing.place_of(env_id)
         for option, given in (("road", road), ("world", world)):
             if given is not None and option != where:
@@ -193,7 +197,11 @@ def play_command(
             keywords["world"] = world_from(world)
         policy = policy or playing.preferred(env_id, **keywords)
         place = "".join(f"-{Path(given).stem}" for given in (road, world) if given is not None)
-        file = gif or Path("results") / f"{env_id.rpartition('/')[2]}{place}-{policy}-seed{seed}.gif"
+        file = (
+            gif
+            or Path("results")
+            / f"{env_id.rpartition('/')[2]}{place}-{Path(policy).name.removesuffix(FILE)}-seed{seed}.gif"
+        )
         if file.suffix.lower() != ".gif":
             raise ValueError(f"--gif {file} must end in .gif")
         if not human and file.exists() and not overwrite:

@@ -186,7 +186,7 @@ def evaluate(
             definition = env.unwrapped.scenario
             scenario_hash = scenario.hash(definition.hash)
             for name in filter(missing.get, policies):
-                policy = make_policy(name, definition)
+                policy = make_policy(name, scenario.policies_scenario(definition))
                 limit = definition.episode_steps * definition.control_step if hasattr(definition, "laps") else None
                 metrics, failed, count = measure(drive(env, policy, seeds, scenario.options), len(seeds), limit)
                 yield [

@@ -14,6 +14,7 @@ import numpy as np
 
 import lanekeep_baselines
 import lanekeep_env  # noqa: F401
+from lanekeep_benchmarks.policies import make_policy
 from lanekeep_env.files import write_atomic
 
 GIF_WIDTH = 640
@@ -56,10 +57,10 @@ def place_of(env_id: str) -> str:
 
 
 def make(env_id: str, render_mode: str | None, **keywords: Any) -> gym.Env:
-    """Make the environment as it is played: departures and contacts end nothing; roads are shown 1.1 s ahead."""
+    """Make the environment as it is played: departures and contacts end nothing; roads are shown 2 s ahead."""
     scenario = gym.make(env_id).unwrapped.scenario  # type: ignore[attr-defined]
     if hasattr(scenario, "preview"):
-        keywords = {"preview": 12, **keywords}
+        keywords = {"preview": 20, **keywords}
     ends = "departure" if hasattr(scenario, "departure") else "contact"
     return gym.make(env_id, render_mode=render_mode, **{ends: "cost", **keywords})
 
@@ -75,7 +76,7 @@ def play(
     env = make(env_id, "human" if see is None else "rgb_array", **keywords)
     try:
         scenario = env.unwrapped.scenario  # type: ignore[attr-defined]
-        policy = lanekeep_baselines.make(policy_name, scenario)
+        policy = make_policy(policy_name, scenario)
         observation, _ = env.reset(seed=seed)
         errors: list[float] = []
         state, departed, over = None, False, False

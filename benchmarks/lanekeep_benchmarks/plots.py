@@ -13,7 +13,7 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from lanekeep_benchmarks.report import columns_of
+from lanekeep_benchmarks.summary import columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,122 +1,17 @@
-"""From result lines to a summary (JSON) and to tables (terminal, Markdown)."""
+"""From a summary to tables, for the terminal and as Markdown."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from lanekeep_benchmarks.evaluate import EpisodeResult
-from lanekeep_benchmarks.statistics import CONFIDENCE, RESAMPLES, Interval, bootstrap_means, wilson
-from lanekeep_benchmarks.suites import Suite
+from lanekeep_benchmarks.summary import RATE, Column, columns_of
 
-
-@dataclass(frozen=True)
-class Column:
-    """A metric as the tables show it."""
-
-    key: str
-    label: str
-    unit: str
-    digits: int
-
-
-COLUMNS = (
-    Column("lap_time", "lap time", "s", 2),
-    Column("rms_lateral_error", "RMS lateral error", "m", 3),
-    Column("peak_lateral_error", "peak lateral error", "m", 3),
-    Column("rms_steering_rate", "RMS steering rate", "rad/s", 4),
-    Column("peak_lateral_acceleration", "peak lateral acceleration", "m/s²", 2),
-    Column("return", "return", "", 1),
-)
-
-
-def columns_of(rows: Sequence[Mapping[str, Any]]) -> tuple[Column, ...]:
-    """The columns of a scenario's policies: those of which it has metrics. The first one is what differences are of."""
-    return tuple(column for column in COLUMNS if column.key in rows[0]["metrics"])
-
-
-def summarise(suite: Suite, results: Iterable[EpisodeResult], policies: Sequence[str]) -> dict[str, Any]:
-    """Summary of a run: for each scenario and policy every metric with its interval, as plain JSON-able data.
-
-    Differences are paired, policy minus reference on the same episodes; the reference is the first policy.
-
-    Raises:
-        ValueError: a policy has no results on a scenario, or not those of the reference's episodes.
-    """
-    table: dict[tuple[str, str], list[EpisodeResult]] = {}
-    for result in results:
-        table.setdefault((result.scenario, result.policy), []).append(result)
-    scenarios = []
-    for scenario in suite.scenarios:
-        for name in policies:
-            if (scenario.name, name) not in table:
-                raise ValueError(f"{scenario.name}: there are no results of {name}")
-        by_policy = {name: sorted(table[scenario.name, name], key=lambda result: result.episode) for name in policies}
-        first = by_policy[policies[0]]
-        for name, lines in by_policy.items():
-            if [line.episode_seed for line in lines] != [line.episode_seed for line in first]:
-                raise ValueError(f"{scenario.name}: {name} and {policies[0]} have not driven the same episodes")
-        scenarios.append(
-            {
-                "scenario": scenario.name,
-                "title": scenario.title,
-                "scenario_hash": first[0].scenario_hash,
-                "env_id": scenario.env_id,
-                "keywords": dict(scenario.keywords),
-                "options": dict(scenario.options),
-                "max_episode_steps": scenario.max_episode_steps,
-                "policies": _summarise_policies(by_policy),
-            }
-        )
-    any_line = next(iter(table.values()))[0]
-    return {
-        "suite": suite.name,
-        "description": suite.description,
-        "version": any_line.version,
-        "seed": any_line.seed,
-        "episodes": len(first),
-        "confidence": CONFIDENCE,
-        "resamples": RESAMPLES,
-        "reference": policies[0],
-        "scenarios": scenarios,
-    }
-
-
-def _summarise_policies(by_policy: dict[str, list[EpisodeResult]]) -> list[dict[str, Any]]:
-    """Intervals of one scenario. One bootstrap serves all columns, which makes the differences paired."""
-    sample = next(iter(by_policy.values()))[0].metrics
-    keys = [column.key for column in COLUMNS if column.key in sample]
-    values = np.array([[[line.metrics[key] for key in keys] for line in lines] for lines in by_policy.values()])
-    differences = values - values[:1]
-    stacked = np.concatenate([values, differences], axis=2)  # (policies, episodes, 2 metrics)
-    policies, episodes, width = stacked.shape
-    flat = stacked.transpose(1, 0, 2).reshape(episodes, policies * width)
-    intervals = bootstrap_means(flat, np.random.default_rng(0))
-    rows = []
-    for index, (name, lines) in enumerate(by_policy.items()):
-        mine = [_plain(interval) for interval in intervals[index * width : (index + 1) * width]]
-        failures = sum(line.failed for line in lines)
-        rows.append(
-            {
-                "policy": name,
-                "failures": failures,
-                "failure_rate": _plain(wilson(failures, len(lines))),
-                "metrics": dict(zip(keys, mine, strict=False)),
-                "difference_to_reference": dict(zip(keys, mine[len(keys) :], strict=True)) if index else None,
-            }
-        )
-    return rows
-
-
-def _plain(interval: Interval) -> dict[str, float | None]:
-    """As JSON has it: null instead of NaN."""
-    return {key: None if math.isnan(value) else value for key, value in asdict(interval).items()}
+#: How a cell shows that the interval of the paired difference to the reference excludes zero.
+MARKS = {"better": " ▲", "worse": " ▼", "tie": ""}
 
 
 def headings(columns: Sequence[Column], reference: str) -> list[str]:
@@ -127,8 +22,12 @@ def headings(columns: Sequence[Column], reference: str) -> list[str]:
 
 def cells(row: dict[str, Any], columns: Sequence[Column]) -> list[tuple[str, str]]:
     """One policy's cells as (value, interval) in the order of the headings, without the policy's name."""
-    found = [_cell({key: 100 * bound for key, bound in row["failure_rate"].items()}, 1)]
-    found += [_cell(row["metrics"][column.key], column.digits) for column in columns]
+    numbers = [(RATE, {key: 100 * bound for key, bound in row["failure_rate"].items()}, 1)]
+    numbers += [(column.key, row["metrics"][column.key], column.digits) for column in columns]
+    found = []
+    for key, number, digits in numbers:
+        value, interval = _cell(number, digits)
+        found.append((value + MARKS[row["verdict"][key]] if row["verdict"] else value, interval))
     difference = row["difference_to_reference"]
     first = columns[0]
     found.append(_cell(difference[first.key], first.digits, sign="+") if difference else ("reference", ""))
@@ -152,7 +51,14 @@ def caption(summary: dict[str, Any]) -> str:
     interval = f"{100 * summary['confidence']:.0f} % interval"
     if episodes == 1:
         return f"{what}; below the rate Wilson's {interval}; for means, one episode allows none"
-    return f"{what}; below each mean its {interval}: bootstrap over episodes, Wilson for the rate"
+    rows = [row for scenario in summary["scenarios"] for row in scenario["policies"]]
+    seeds = (
+        ", Student's over training seeds and episodes where there are several"
+        if any(row["seeds"] > 1 for row in rows)
+        else ""
+    )
+    marks = "" if len(rows) == len(summary["scenarios"]) else f"; ▲ better, ▼ worse than {summary['reference']}"
+    return f"{what}; below each mean its {interval}: bootstrap over episodes{seeds}, Wilson for the rate{marks}"
 
 
 def terminal_table(scenario: dict[str, Any], reference: str) -> Table:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import lanekeep_agents
 import lanekeep_baselines
 import lanekeep_env
 from lanekeep_benchmarks.evaluate import EpisodeResult, episode_seed
@@ -20,12 +21,13 @@ ANEW = "name another folder, or start anew there with --overwrite instead of --r
 #: What to do where a field differs. Options that are left out are those of the run in the folder.
 _ADVICE = {
     "version": "install that version",
-    "code": "restore lanekeep_env, lanekeep_baselines and evaluate.py as they were when the run began",
+    "code": "restore lanekeep_env, lanekeep_baselines, lanekeep_agents and evaluate.py as they were when the run began",
     "suite": "leave the suite and --road out",
     "policies": "leave --policies out",
     "episodes": "leave --episodes out",
     "seed": "leave --seed out",
     "scenario_hash": "restore the scenario, or its road file, as it was when the run began",
+    "policy_sha256": "restore the policy's file as it was when the run began",
 }
 
 #: Name, found value, wanted value.
@@ -36,7 +38,7 @@ Difference = tuple[str, Any, Any]
 def code_hash() -> str:
     """Hash of the sources that make result lines, 16 hexadecimal digits: an edit leaves the version as it is."""
     digest = hashlib.sha256(Path(__file__).with_name("evaluate.py").read_bytes())
-    for package in (lanekeep_env, lanekeep_baselines):
+    for package in (lanekeep_env, lanekeep_baselines, lanekeep_agents):
         folder = Path(package.__path__[0])
         for file in sorted(folder.rglob("*.py")):
             digest.update(file.relative_to(folder.parent).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
@@ -45,7 +47,10 @@ def code_hash() -> str:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """Everything that fixes the result lines of a run and their order in the report; ``road`` is the file's path."""
+    """Everything that fixes the result lines of a run and their order in the report.
+
+    ``road`` is the file's path; ``policy_sha256`` tells learned policies from others of their name.
+    """
 
     version: str
     code: str
@@ -55,6 +60,7 @@ class RunRecord:
     episodes: int
     seed: int
     scenario_hash: Mapping[str, str]
+    policy_sha256: Mapping[str, str] = field(default_factory=dict)
 
     def to_json(self) -> str:
         """The content of `run.json`."""
@@ -83,12 +89,11 @@ class RunRecord:
         """Return where the record in a folder is not this one; where the road file lies does not matter."""
         names = ("version", "code", "suite", "policies", "episodes", "seed")
         pairs: list[Difference] = [(name, getattr(found, name), getattr(self, name)) for name in names]
-        if found.suite == self.suite:
-            scenarios = {**found.scenario_hash, **self.scenario_hash}
-            pairs += [
-                (f"scenario_hash of {name}", found.scenario_hash.get(name), self.scenario_hash.get(name))
-                for name in scenarios
-            ]
+        hashes = ["scenario_hash"] if found.suite == self.suite else []
+        hashes += ["policy_sha256"] if found.policies == self.policies else []
+        for kind in hashes:
+            there, here = getattr(found, kind), getattr(self, kind)
+            pairs += [(f"{kind} of {name}", there.get(name), here.get(name)) for name in {**there, **here}]
         return [pair for pair in pairs if pair[1] != pair[2]]
 
     def line_differences(self, line: EpisodeResult) -> list[Difference]:

@@ -6,15 +6,18 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from lanekeep_env import LaneKeepScenario
+from lanekeep_env import SENSOR_SETS, LaneKeepScenario
 from lanekeep_env.checks import nearest
-from lanekeep_env.roads import Road, build_roads
+from lanekeep_env.roads import LimitedSpeed, Road, build_roads
+from lanekeep_env.scenario.base import ScenarioRecord
+
+Scenario = TypeVar("Scenario", bound=ScenarioRecord)
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,8 @@ class SuiteScenario:
         env_id: a registered environment.
         options: of `reset`, the same for every episode.
         max_episode_steps: length of an episode; None keeps the registered one.
+        told: what policies are told instead of the truth: fields of the scenario that they are made for where it is
+            not the one they drive. What ``randomisation`` changes needs no word here, they do not know of it anyway.
     """
 
     name: str
@@ -36,10 +41,16 @@ class SuiteScenario:
     env_id: str = "lanekeep/LaneKeep-v0"
     options: Mapping[str, Any] = field(default_factory=dict)
     max_episode_steps: int | None = None
+    told: Mapping[str, Any] = field(default_factory=dict)
+
+    def policies_scenario(self, definition: Scenario) -> Scenario:
+        """Return the scenario that policies are made for, where ``definition`` is driven."""
+        return replace(definition, **self.told) if self.told else definition
 
     def hash(self, definition_hash: str) -> str:
-        """16 hexadecimal digits that change with anything that changes the episodes."""
-        parts = [self.env_id, definition_hash, dict(self.options), self.max_episode_steps]
+        """16 hexadecimal digits that change with anything that changes the episodes, or what policies are told."""
+        parts: list[Any] = [self.env_id, definition_hash, dict(self.options), self.max_episode_steps]
+        parts += [dict(self.told)] if self.told else []
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 
@@ -47,8 +58,8 @@ class SuiteScenario:
 class Suite:
     """Scenarios that are evaluated and reported together.
 
-    ``episodes`` is the default number for each scenario; ``family`` what the names of the policies begin with that
-    drive it by default, empty for all that can.
+    ``episodes`` is the default number for each scenario; ``family`` what the names of the classical policies begin with
+    that drive it by default, empty for all that can; ``learned`` adds the shipped learned ones whose channels fit.
     """
 
     name: str
@@ -56,6 +67,7 @@ class Suite:
     scenarios: tuple[SuiteScenario, ...]
     episodes: int
     family: str = ""
+    learned: bool = False
 
 
 # 1.1 s of curvature ahead, for every policy, so that all see the same observation (some read it, Yin's own do not).
@@ -63,6 +75,19 @@ class Suite:
 _COMMON: dict[str, Any] = {"preview": 12, "departure": "cost"}
 # Not the default set, on which policies are tuned and trained.
 _ROADS: dict[str, Any] = {"kind": "random", "seed": 1}
+# 2 s of curvature ahead, for policies that weigh what comes.
+_LEARNED: dict[str, Any] = {"road": _ROADS, "preview": 20, "departure": "cost"}
+_PRODUCTION_TWICE_AS_NOISY = {
+    channel: {**asdict(sensor), "noise": 2 * sensor.noise} for channel, sensor in SENSOR_SETS["production"].items()
+}
+
+
+def _slippery(friction: float) -> dict[str, Any]:
+    """A road of that friction, driven with the share of it that the nominal profile uses of friction 1."""
+    profile = {"lateral_acceleration": LimitedSpeed().lateral_acceleration * friction}
+    return {"tyre": "magic_formula", "randomisation": {"friction": friction}, "speed": profile}
+
+
 _YARD: dict[str, Any] = {"kind": "yard", "seed": 1}
 _CAMERA: dict[str, Any] = {"departure": "cost"}
 _DRIVE: dict[str, Any] = {
@@ -141,6 +166,53 @@ SUITES: dict[str, Suite] = {
                     "road-works",
                     "Road works: a lane of 2.75 m that shifts sideways, 80 km/h",
                     {"road": {"kind": "roadworks", "seed": 1}, **_COMMON},
+                    env_id="lanekeep/RoadWorks-v0",
+                ),
+            ),
+        ),
+        Suite(
+            name="learned",
+            description="learned and classical policies that know the nominal car, on it and on cars that differ",
+            episodes=256,
+            learned=True,
+            scenarios=(
+                SuiteScenario("nominal", "Random roads, the nominal car", _LEARNED),
+                SuiteScenario(
+                    "friction-0.7",
+                    "Saturating tyres on friction 0.7 instead of 1, 0.28 g speed profile",
+                    {**_LEARNED, **_slippery(0.7)},
+                ),
+                SuiteScenario(
+                    "friction-0.45",
+                    "Saturating tyres on friction 0.45 instead of 1, 0.18 g speed profile",
+                    {**_LEARNED, **_slippery(0.45)},
+                ),
+                SuiteScenario("mass", "20 % more mass and yaw inertia", {**_LEARNED, "randomisation": {"mass": 1.2}}),
+                SuiteScenario(
+                    "stiffness",
+                    "20 % less cornering stiffness, front and rear",
+                    {
+                        **_LEARNED,
+                        "randomisation": {"front_cornering_stiffness": 0.8, "rear_cornering_stiffness": 0.8},
+                    },
+                ),
+                SuiteScenario("lag", "Twice the actuator's lag", {**_LEARNED, "randomisation": {"steering_lag": 2.0}}),
+                SuiteScenario("delay", "50 ms more delay", {**_LEARNED, "randomisation": {"steering_delay": 0.05}}),
+                SuiteScenario(
+                    "noise",
+                    "Production sensors with twice the noise that policies are told",
+                    {**_LEARNED, "sensors": _PRODUCTION_TWICE_AS_NOISY},
+                    told={"sensors": "production"},
+                ),
+                SuiteScenario(
+                    "together",
+                    "Saturating tyres, cars of the set 'mismatch': all of it but the noise, milder",
+                    {**_LEARNED, "tyre": "magic_formula", "randomisation": "mismatch"},
+                ),
+                SuiteScenario(
+                    "road-works",
+                    "Road works: a lane of 2.75 m that shifts sideways, 80 km/h",
+                    {**_LEARNED, "road": {"kind": "roadworks", "seed": 1}},
                     env_id="lanekeep/RoadWorks-v0",
                 ),
             ),
@@ -245,6 +317,12 @@ SUITES: dict[str, Suite] = {
                     "parking",
                     "Start within 0.2 m and 3 degrees",
                     {"departure": "cost", "road": {"kind": "parking", "seed": 1}},
+                    env_id="lanekeep/ReversePath-v0",
+                ),
+                SuiteScenario(
+                    "parking-mismatch",
+                    "The same with cars of the set 'mismatch'",
+                    {"departure": "cost", "road": {"kind": "parking", "seed": 1}, "randomisation": "mismatch"},
                     env_id="lanekeep/ReversePath-v0",
                 ),
             ),

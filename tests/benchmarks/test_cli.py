@@ -16,7 +16,7 @@ import lanekeep_env
 from lanekeep_benchmarks import speed as speed_module
 from lanekeep_benchmarks.__main__ import main
 from lanekeep_benchmarks.cli import app
-from lanekeep_benchmarks.report import COLUMNS
+from lanekeep_benchmarks.summary import COLUMNS
 
 RUNNER = CliRunner()
 BENCH = ["bench", "--policies", "pd,yin-lqr", "--episodes", "3"]

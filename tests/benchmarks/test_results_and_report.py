@@ -6,12 +6,14 @@ import re
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from lanekeep_benchmarks.evaluate import EpisodeResult
-from lanekeep_benchmarks.report import COLUMNS, caption, cells, headings, markdown, summarise, terminal_table
+from lanekeep_benchmarks.report import caption, cells, headings, markdown, terminal_table
 from lanekeep_benchmarks.results import EPISODES, SUMMARY, ResultFolder
 from lanekeep_benchmarks.run_record import RUN, RunRecord
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
+from lanekeep_benchmarks.summary import COLUMNS, rows_of, summarise
 from lanekeep_env.files import write_atomic
 
 SUITE = Suite(
@@ -84,6 +86,58 @@ def test_tables_show_every_policy_and_number(results):
     table = terminal_table(summary["scenarios"][0], "a")
     assert table.row_count == 2
     assert len(table.columns) == len(headings(ERRORS, "a"))
+
+
+def test_training_seeds_share_a_row():
+    policies = ["pd", "a-seed3", "b", "a-seed0", "c-seed7", "x/d-seed0.json", "x/d-seed12.json", "a", "a-seeds"]
+    assert rows_of(policies) == {
+        "pd": ["pd"],
+        "a (2 seeds)": ["a-seed3", "a-seed0"],
+        "b": ["b"],
+        "c-seed7": ["c-seed7"],
+        "x/d.json (2 seeds)": ["x/d-seed0.json", "x/d-seed12.json"],
+        "a": ["a"],
+        "a-seeds": ["a-seeds"],
+    }
+
+
+def test_seeds_widen_the_interval_and_pool_the_failures():
+    """Three seeds 0.2 m, 0.3 m and 0.4 m worse than the reference on every episode: Student's interval of three."""
+    errors = np.random.default_rng(0).uniform(0.5, 5.0, 20)
+    lines = [line("ref", i, error) for i, error in enumerate(errors)]
+    for seed, more in enumerate((0.2, 0.3, 0.4)):
+        lines += [line(f"ppo-seed{seed}", i, error + more, failed=i < 20 * seed) for i, error in enumerate(errors)]
+    policies = ["ref", "ppo-seed0", "ppo-seed1", "ppo-seed2"]
+    summary = summarise(SUITE, lines, policies)
+    second = summary["scenarios"][0]["policies"][1]
+    assert (second["policy"], second["seeds"], second["failures"]) == ("ppo (3 seeds)", 3, 40)
+    assert second["failure_rate"]["value"] == pytest.approx(2 / 3)
+    difference = second["difference_to_reference"]["rms_lateral_error"]
+    half = stats.t.ppf(0.975, 2) * 0.1 / math.sqrt(3)
+    assert [difference[key] for key in ("value", "low", "high")] == pytest.approx([0.3, 0.3 - half, 0.3 + half])
+    assert "training seeds" in caption(summary) and "▼ worse than ref" in caption(summary)
+    turned = summarise(SUITE, lines, policies[1:] + policies[:1])
+    assert turned["reference"] == "ppo (3 seeds)"
+    reverse = turned["scenarios"][0]["policies"][1]["difference_to_reference"]["rms_lateral_error"]
+    assert [reverse[key] for key in ("value", "low", "high")] == pytest.approx([-0.3, -0.3 - half, -0.3 + half])
+
+
+def test_marks_say_who_wins():
+    """b errs 0.1 m more, which is worse of an error and better of a return; c is on average the same; a often fails."""
+    generator = np.random.default_rng(2)
+    errors, swing = generator.uniform(0.5, 5.0, 20), np.resize([0.3, -0.3], 20)
+    lines = [line("a", i, error, failed=i % 2 == 0) for i, error in enumerate(errors)]
+    lines += [line("b", i, error + 0.1) for i, error in enumerate(errors)]
+    lines += [line("c", i, error + swing[i], failed=i % 2 == 1) for i, error in enumerate(errors)]
+    a, b, c = summarise(SUITE, lines, ["a", "b", "c"])["scenarios"][0]["policies"]
+    assert a["verdict"] is None
+    worse = {column.key: "worse" for column in ERRORS}
+    assert b["verdict"] == worse | {"return": "better", "failure_rate": "better"}
+    assert b["difference_to_reference"]["failure_rate"]["value"] == -0.5
+    assert set(c["verdict"].values()) == {"tie"}
+    marks = [value[-2:] for value, _ in cells(b, ERRORS)]
+    assert marks[:2] == [" ▲", " ▼"] and marks[len(ERRORS)] == " ▲"
+    assert not any(mark in cell for row in (a, c) for cell, _ in cells(row, ERRORS) for mark in "▲▼")
 
 
 def test_lines_are_on_disk_at_once(tmp_path, results):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lanekeep_benchmarks.statistics import bootstrap_means, wilson
+from lanekeep_benchmarks.statistics import Interval, bootstrap_means, seeds_mean, seeds_rate, wilson
 
 
 @pytest.mark.parametrize(("failures", "episodes"), [(0, 1), (0, 20), (1, 20), (7, 64), (63, 64), (64, 64), (3, 1000)])
@@ -94,3 +94,63 @@ def test_coverage_of_wilson():
     coverage = [stats.binom.pmf(hits, episodes, p)[(low <= p) & (p <= high)].sum() for p in rates]
     assert np.mean(coverage) == pytest.approx(0.95, abs=0.01)
     assert min(coverage) > 0.87
+
+
+def test_where_only_seeds_differ_it_is_welchs_interval():
+    generator = np.random.default_rng(4)
+    a, b = generator.normal(0.0, 1.0, 5), generator.normal(0.5, 3.0, 4)
+    ours = seeds_mean(np.tile(a[:, None], 40), np.tile(b[:, None], 40))
+    theirs = stats.ttest_ind(a, b, equal_var=False).confidence_interval()
+    assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), rel=1e-9)
+    alone = seeds_mean(np.tile(a[:, None], 40))
+    theirs = stats.ttest_1samp(a, 0.0).confidence_interval()
+    assert (alone.value, alone.low, alone.high) == pytest.approx((a.mean(), theirs.low, theirs.high), rel=1e-9)
+
+
+def test_where_only_episodes_differ_it_is_students_paired_interval():
+    generator = np.random.default_rng(6)
+    road = generator.normal(0.0, 10.0, 30)
+    a, b = road + generator.normal(0.2, 0.3, 30), road + generator.normal(0.0, 0.3, 30)
+    ours = seeds_mean(np.tile(a, (5, 1)), b[None])
+    theirs = stats.ttest_rel(a, b).confidence_interval()
+    assert (ours.value, ours.low, ours.high) == pytest.approx((a.mean() - b.mean(), theirs.low, theirs.high), rel=1e-9)
+
+
+@pytest.mark.parametrize("seed_spread", [0.1, 1.0, 3.0])
+def test_coverage_over_seeds_and_episodes(seed_spread):
+    """1,000 experiments of 5 seeds against an untrained policy on 32 episodes, both with effects of their own."""
+    generator = np.random.default_rng(12)
+    hits = 0
+    for _ in range(1000):
+        road = generator.normal(0.0, 5.0, 32)
+        gain = generator.normal(0.0, 1.0, 32)
+        seeds = generator.normal(0.0, seed_spread, (5, 1))
+        ours = 1.0 + seeds + road + gain + generator.normal(0.0, 1.0, (5, 32))
+        interval = seeds_mean(ours, road[None])
+        hits += interval.low <= 1.0 <= interval.high
+    assert 0.93 <= hits / 1000 <= 0.975
+
+
+def test_equal_seeds_and_episodes_leave_no_doubt():
+    assert seeds_mean(np.full((5, 8), 0.25)) == Interval(0.25, 0.25, 0.25)
+
+
+def test_one_episode_has_no_interval_over_seeds():
+    ours = seeds_mean(np.array([[1.0], [3.0]]))
+    assert ours.value == 2.0 and math.isnan(ours.low) and math.isnan(ours.high)
+
+
+def test_seeds_meet_the_same_episodes():
+    with pytest.raises(ValueError, match=r"\[3, 4\] episodes are not allowed"):
+        seeds_mean(np.zeros((2, 3)), np.zeros((1, 4)))
+
+
+def test_the_rate_over_seeds_is_never_narrower_than_wilsons():
+    """Five seeds on the same 20 episodes are no hundred episodes; one seed of five that always fails is no 20 %."""
+    none = seeds_rate(np.zeros((5, 20)))
+    assert none == wilson(0, 20)
+    one = np.zeros((5, 20))
+    one[2] = 1.0
+    uneven, student = seeds_rate(one), stats.ttest_1samp([0, 0, 1, 0, 0], 0.0).confidence_interval()
+    assert uneven.value == pytest.approx(0.2)
+    assert uneven.low == 0.0 and uneven.high == pytest.approx(student.high, rel=1e-9)

@@ -1,0 +1,69 @@
+"""Suites: every scenario can be built, and policies are told of the nominal car, whatever they drive."""
+
+from dataclasses import replace
+
+import pytest
+
+import lanekeep_baselines
+from lanekeep_benchmarks.evaluate import make_lanes
+from lanekeep_benchmarks.suites import SUITES
+from lanekeep_env import SENSOR_SETS
+from lanekeep_env.physics.parameters import VEHICLES
+
+SCENARIOS = [(suite.name, scenario) for suite in SUITES.values() for scenario in suite.scenarios]
+LEARNED = {scenario.name: scenario for scenario in SUITES["learned"].scenarios}
+
+
+def definition_of(scenario):
+    env = make_lanes(scenario, 1)
+    env.close()
+    return env.unwrapped.scenario
+
+
+@pytest.mark.parametrize(("suite", "scenario"), SCENARIOS, ids=[f"{suite}-{s.name}" for suite, s in SCENARIOS])
+def test_some_controller_can_drive_every_scenario_and_sees_what_there_is(suite, scenario):
+    definition = definition_of(scenario)
+    told = scenario.policies_scenario(definition)
+    assert [channel.name for channel in told.channels] == [channel.name for channel in definition.channels]
+    assert lanekeep_baselines.names(told)
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_policies_know_the_nominal_car_and_see_two_seconds_ahead(name):
+    definition = definition_of(LEARNED[name])
+    told = LEARNED[name].policies_scenario(definition)
+    assert told.vehicle == VEHICLES["yin"]
+    assert told.friction == 1.0
+    assert dict(told.sensors) in ({}, SENSOR_SETS["production"])
+    assert told.preview * told.preview_interval == pytest.approx(2.0)
+    assert told.departure == "cost"
+
+
+def test_the_cars_differ_as_the_names_say():
+    drawn = {name: definition_of(scenario).randomisation for name, scenario in LEARNED.items()}
+    assert drawn["mass"].mass == (1.2, 1.2)
+    assert drawn["stiffness"].front_cornering_stiffness == drawn["stiffness"].rear_cornering_stiffness == (0.8, 0.8)
+    assert drawn["lag"].steering_lag == (2.0, 2.0)
+    assert drawn["delay"].steering_delay == (0.05, 0.05)
+    assert len({*drawn.values()}) == 8  # nominal, noise and road works have the nominal one
+
+
+@pytest.mark.parametrize("friction", [0.7, 0.45])
+def test_slippery_roads_ask_for_the_same_share_of_the_friction(friction):
+    definition = definition_of(LEARNED[f"friction-{friction}"])
+    assert definition.tyre == "magic_formula"
+    assert definition.randomisation.friction == (friction, friction)
+    assert definition.speed.lateral_acceleration / (friction * 9.81) == pytest.approx(0.4)
+
+
+def test_the_noise_is_twice_what_is_told():
+    definition = definition_of(LEARNED["noise"])
+    told = dict(LEARNED["noise"].policies_scenario(definition).sensors)
+    for channel, sensor in definition.sensors:
+        assert sensor == replace(told[channel], noise=2 * told[channel].noise)
+        assert sensor.noise > 0.0
+
+
+def test_what_policies_are_told_is_part_of_the_scenario():
+    scenario = LEARNED["noise"]
+    assert scenario.hash("0") != replace(scenario, told={}).hash("0")
