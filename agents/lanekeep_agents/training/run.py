@@ -158,8 +158,9 @@ def settings_in(folder: Path) -> TrainingSettings:
 def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
     """A fresh algorithm on ``env``."""
     rate, last = settings.learning_rate, settings.final_learning_rate
+    value = "vf" if settings.algorithm == "ppo" else "qf"
     network: dict[str, Any] = {
-        "net_arch": list(settings.hidden),
+        "net_arch": {"pi": list(settings.hidden), value: list(settings.critic)},
         "activation_fn": _ACTIVATIONS[settings.activation],
     }
     kind = _ALGORITHMS[settings.algorithm]

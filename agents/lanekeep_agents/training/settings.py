@@ -35,7 +35,8 @@ class TrainingSettings:
         env: keywords of ``gym.make`` for that id.
         steps: environment steps in all, over all lanes.
         num_envs: lanes.
-        hidden: neurons of each hidden layer, of actor and critic alike.
+        hidden: neurons of each hidden layer of the actor.
+        critic: the same of the critic, which nobody has to run later.
         activation: "relu" or "tanh".
         gamma: discount of a control step.
         learning_rate: at the start; it falls linearly to ``final_learning_rate`` times that.
@@ -56,6 +57,7 @@ class TrainingSettings:
     steps: int
     num_envs: int
     hidden: tuple[int, ...]
+    critic: tuple[int, ...]
     gamma: float
     learning_rate: float
     activation: str = "relu"
@@ -77,13 +79,12 @@ class TrainingSettings:
         require("seed", self.seed, "", at_least=0, whole=True)
         require("steps", self.steps, "environment steps", at_least=1, whole=True)
         require("num_envs", self.num_envs, "lanes", at_least=1, whole=True)
-        if not isinstance(self.hidden, list | tuple) or len(self.hidden) > 8:
-            raise ValueError(
-                f"hidden={self.hidden!r} is not allowed: it must be a list of at most 8 numbers of neurons"
-            )
-        for neurons in self.hidden:
-            require("hidden", neurons, "neurons", at_least=2, at_most=4096, whole=True)
-        object.__setattr__(self, "hidden", tuple(int(neurons) for neurons in self.hidden))
+        for name, layers in (("hidden", self.hidden), ("critic", self.critic)):
+            if not isinstance(layers, list | tuple) or len(layers) > 8:
+                raise ValueError(f"{name}={layers!r} is not allowed: it must be a list of at most 8 numbers of neurons")
+            for neurons in layers:
+                require(name, neurons, "neurons", at_least=2, at_most=4096, whole=True)
+            object.__setattr__(self, name, tuple(int(neurons) for neurons in layers))
         for name, value in (("env", self.env), ("parameters", self.parameters)):
             if not isinstance(value, Mapping):
                 raise ValueError(f"{name}={value!r} is not allowed: it must be a mapping, e.g. {name}.NAME=VALUE")
@@ -108,7 +109,7 @@ class TrainingSettings:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-able values; `TrainingSettings` of them is the same again."""
-        return {**asdict(self), "hidden": list(self.hidden)}
+        return {**asdict(self), "hidden": list(self.hidden), "critic": list(self.critic)}
 
     @classmethod
     def from_dict(cls, values: Any, what: str) -> TrainingSettings:
