@@ -1,0 +1,156 @@
+"""Discrete LQ control with preview and the steady-state Kalman filter, on the exact model of `lq_model`.
+
+The cost is the benchmark's own (`lanekeep_env.tasks.lane_keeping`): over the control steps of length h
+
+    sum_k (d[k] / reference)² + w ((delta[k+1] - delta[k]) / (h reference rate))²,
+
+so it charges the road wheel as it moves behind the actuator, not the command. Its optimum for a known disturbance
+x[k+1] = A x[k] + B u[k] + e[k] is (Anderson, Moore, "Optimal control", 1990; Tomizuka, "Optimal continuous finite
+preview problem", IEEE TAC 20(3), 1975)
+
+    u[k] = -K x[k] - sum_i M (A_c')^i P e[k+i],    M = (R + B'PB)^-1 B',  A_c = A - B K,
+
+with the Riccati equation's P; a disturbance that stays as it is adds M (1 - A_c')^-1 P e. The cap of the cost is not in
+the design.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_discrete_are
+
+from lanekeep_baselines.lq_model import HEADING, LATERAL, STATES, STEER, YAW_RATE, StepModel
+from lanekeep_baselines.policy import Floats
+
+#: Measured states, and the standard deviations of their noise: production sensors (rad, rad/s, rad, m).
+MEASURED = (STEER, YAW_RATE, HEADING, LATERAL)
+NOISE: Floats = np.array([2e-4, 5e-3, 3e-3, 0.03])
+#: Below this speed, m/s, a road's curvature is not expected to be any larger.
+SLOWEST_BEND = 10.0
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What the design leaves free.
+
+    Attributes:
+        rate: factor of the cost's weight on the steering rate.
+        slip: standard deviation of the axles' slip offsets that are new in each step, rad.
+        drift: how far the constant slip offsets wander in a second, rad; read where they are estimated.
+        bend: lateral acceleration, m/s², that the road asks for beyond the known: anew in each step where the
+            curvature is known, by how much it wanders in a second where it is estimated.
+    """
+
+    rate: float
+    slip: float
+    drift: float
+    bend: float
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of a step: (d / lateral)² + weight (steering rate / rate)², in m and rad/s."""
+
+    lateral: float
+    weight: float
+    rate: float
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """u = -state (x, u[k-1] ... u[k-m]) - offsets (o_f, o_r) - constant kappa, or - sum_i curvature[i] kappa[k+i].
+
+    Attributes:
+        state: shape (5 + m,).
+        offsets: shape (2,).
+        constant: for a curvature that stays as it is, shape (1,).
+        curvature: of the curvature now and in each step to come, shape (steps,); the last one also stands for all
+            that follow, which are held.
+    """
+
+    state: Floats
+    offsets: Floats
+    constant: Floats
+    curvature: Floats
+
+
+def gains(model: StepModel, cost: Cost, step: float, steps: int = 1) -> Gains:
+    """Solve the Riccati equation for control steps of ``step`` s; the curvature is known at ``steps`` >= 1 of them."""
+    a, b, known = model.with_commands()
+    n = len(a)
+    moves = np.eye(n)[STEER]
+    output = np.stack([np.eye(n)[LATERAL] / cost.lateral, np.zeros(n)])
+    output[1] = (a[STEER] - moves) * np.sqrt(cost.weight) / (step * cost.rate)
+    direct = np.array([[0.0], [b[STEER, 0] * np.sqrt(cost.weight) / (step * cost.rate)]])
+    q, s, r = output.T @ output, output.T @ direct, direct.T @ direct
+    p = solve_discrete_are(a, b, q, r, s=s)
+    inverse = 1.0 / (r + b.T @ p @ b)
+    state = inverse @ (b.T @ p @ a + s.T)
+    closed = (a - b @ state).T
+    ahead = inverse @ b.T  # M (A_c')^i
+    disturbance = p @ known
+    held = (ahead @ np.linalg.solve(np.eye(n) - closed, disturbance))[0]
+    curvature = np.zeros(steps)
+    for i in range(steps - 1):
+        now, following = (ahead @ disturbance)[0, 2:]
+        curvature[i] += now
+        curvature[i + 1] += following
+        ahead = ahead @ closed
+    constant = held[2:3] + held[3:]
+    curvature[-1] = constant[0] - curvature[:-1].sum()
+    return Gains(state[0], held[:2], constant, curvature)
+
+
+def on_samples(curvature: Floats, step: float, samples: int, interval: float) -> Floats:
+    """Turn gains of control steps into gains of ``samples`` an ``interval`` (s) apart, linear between, held behind."""
+    times = step * np.arange(len(curvature))
+    shares = [np.interp(times, interval * np.arange(samples), one) for one in np.eye(samples)]
+    return np.array(shares) @ curvature
+
+
+@dataclass(frozen=True, eq=False)
+class Estimated:
+    """The model with the constants that a filter estimates beside the states.
+
+    Attributes:
+        offsets: the slip offsets of the axles.
+        curvature: the road's; otherwise it is known.
+    """
+
+    offsets: bool
+    curvature: bool
+
+    @property
+    def states(self) -> int:
+        """Numbers that are estimated."""
+        return STATES + 2 * self.offsets + self.curvature
+
+    def filter(self, model: StepModel, weights: Weights, speed: float, step: float) -> Floats:
+        """Return F of x[k] = F (x[k-1], kappa[k-1], kappa[k], u[k-1] ... u[k-1-m], y[k]), the steady Kalman filter.
+
+        The curvatures are there only where they are known. Shape (states, states + 2 + m + 1 + 4) or two less.
+        """
+        n = self.states
+        a, constant = np.eye(n), model.curvature.sum(axis=1)
+        a[:STATES, :STATES] = model.a
+        noise = np.zeros((n, n))
+        noise[:STATES, :STATES] = weights.slip**2 * model.offsets @ model.offsets.T
+        bend = weights.bend / max(speed, SLOWEST_BEND) ** 2
+        if self.offsets:
+            a[:STATES, STATES : STATES + 2] = model.offsets
+            noise[STATES : STATES + 2, STATES : STATES + 2] = weights.drift**2 * step * np.eye(2)
+        if self.curvature:
+            a[:STATES, -1] = constant
+            noise[-1, -1] = bend**2 * step
+        else:
+            noise[:STATES, :STATES] += bend**2 * np.outer(constant, constant)
+        measured = np.eye(n)[list(MEASURED)]
+        covariance = solve_discrete_are(a.T, measured.T, noise, np.diag(NOISE**2))
+        seen = covariance @ measured.T
+        correction = np.linalg.solve(measured @ seen + np.diag(NOISE**2), seen.T).T
+        inputs = model.b if self.curvature else np.hstack([model.curvature, model.b])
+        inputs = np.vstack([inputs, np.zeros((n - STATES, inputs.shape[1]))])
+        kept = np.eye(n) - correction @ measured
+        return np.hstack([kept @ a, kept @ inputs, correction])
