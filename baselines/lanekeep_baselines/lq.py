@@ -9,18 +9,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.lq_design import Cost, Estimated, Weights, gains, on_samples
+from lanekeep_baselines.lq_design import LEAST_NOISE, Cost, Estimated, Weights, gains, on_samples
 from lanekeep_baselines.lq_model import STATES, StepModel, steady_sideslip
 from lanekeep_baselines.policy import Floats, LaneScenario, SteeringPolicy
 from lanekeep_baselines.table import Table, weighted_sum
+from lanekeep_env.sensing.faults import Sensors
 
 #: Speeds of the design points, m/s.
 SPEEDS: Floats = np.arange(1.0, 60.1, 1.0)
+#: Channels of the measured states, in the order of `lq_design.MEASURED`.
+MEASURED_CHANNELS = ("steering_angle", "yaw_rate", "heading_error", "lateral_error")
 #: Least preview, s: behind it the curvature is taken to stay as it is.
 SHORTEST_PREVIEW = 1.0
 
@@ -34,9 +38,11 @@ class CostScenario(LaneScenario, Protocol):
     def cost_weight(self) -> float: ...
     @property
     def reference_steering_rate(self) -> float: ...
+    @property
+    def sensors(self) -> Sensors: ...
 
 
-class _LinearQuadratic(SteeringPolicy):
+class LinearQuadratic(SteeringPolicy):
     """Kalman filter, then feedback of the estimates, of the commands on their way, and of the road.
 
     Memory: the estimates (x, slip offsets, curvature), the curvature at the car where it is known, and the commands
@@ -68,8 +74,10 @@ class _LinearQuadratic(SteeringPolicy):
                 f"policy {self.name!r} needs {SHORTEST_PREVIEW:g} s of curvature preview, the scenario shows "
                 f"{reach:g} s: make it with preview={least} or more"
             )
-        car, step, slip = scenario.vehicle, scenario.control_step, scenario.dynamics != "kinematic"
-        weight = weights.rate * scenario.cost_weight
+        step, slip = scenario.control_step, scenario.dynamics != "kinematic"
+        actuator = scenario.vehicle.steering
+        car = replace(scenario.vehicle, steering=replace(actuator, lag=actuator.lag + weights.lag))
+        weight, noise = weights.rate * scenario.cost_weight, _noise(scenario.sensors)
         cost = Cost(scenario.reference_lateral_error, weight, scenario.reference_steering_rate)
         steps = 2 + int(reach / step) if known else 1
         self._sideslip = steady_sideslip(car, slip)
@@ -86,7 +94,7 @@ class _LinearQuadratic(SteeringPolicy):
             if known:
                 parts.append(on_samples(found.curvature, step, len(self._samples), interval))
             feedback.append(-np.concatenate(parts))
-            filters.append(self.estimated.filter(model, weights, speed, step).T)
+            filters.append(self.estimated.filter(model, weights, noise, speed, step).T)
         self._on_the_way = model.b.shape[1] - 1
         self._feedback, self._filter = Table(SPEEDS, np.stack(feedback)), Table(SPEEDS, np.stack(filters))
         self.memory = self.estimated.states + known + self._on_the_way
@@ -95,7 +103,7 @@ class _LinearQuadratic(SteeringPolicy):
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats | None]:
         speed, applied = at["speed"], at["steering_command"]
-        measured = [at[name] for name in ("steering_angle", "yaw_rate", "heading_error", "lateral_error")]
+        measured = [at[name] for name in MEASURED_CHANNELS]
         road = [at[name] for name in self._samples] if not self.estimated.curvature else []
         states = self.estimated.states
         start = self._start(measured, speed)
@@ -130,7 +138,17 @@ class _LinearQuadratic(SteeringPolicy):
         return start
 
 
-class LqPreview(_LinearQuadratic):
+def _noise(sensors: Sensors) -> Floats:
+    """Standard deviation of the white noise and the quantisation of each measured channel, shape (4,)."""
+    noise = LEAST_NOISE.copy()
+    for channel, sensor in sensors:
+        if channel in MEASURED_CHANNELS:
+            i = MEASURED_CHANNELS.index(channel)
+            noise[i] = max(noise[i], math.hypot(sensor.noise, sensor.resolution / math.sqrt(12.0)))
+    return noise
+
+
+class LqPreview(LinearQuadratic):
     """`lq-preview`: the optimum of the running cost for the nominal car on the road that the previews show."""
 
     name = "lq-preview"
@@ -138,7 +156,7 @@ class LqPreview(_LinearQuadratic):
     weights = Weights(rate=1.0, slip=1e-3, drift=0.0, bend=0.1)
 
 
-class LqPreviewOffsetFree(_LinearQuadratic):
+class LqPreviewOffsetFree(LinearQuadratic):
     """`lq-preview-offset-free`: the same with the axles' slip offsets estimated.
 
     In a steady curve any car of whatever mass and tyres is the nominal one with two slip offsets, so that it has no
@@ -147,12 +165,12 @@ class LqPreviewOffsetFree(_LinearQuadratic):
 
     name = "lq-preview-offset-free"
     estimated = Estimated(offsets=True, curvature=False)
-    weights = Weights(rate=1.0, slip=1e-3, drift=1e-2, bend=0.1)
+    weights = Weights(rate=1.0, slip=1e-3, drift=1e-2, bend=0.1, lag=0.015)
 
 
-class LinearQuadraticGaussian(_LinearQuadratic):
+class LinearQuadraticGaussian(LinearQuadratic):
     """`lqg`: without the road ahead; its curvature at the car is estimated as well, and taken to stay as it is."""
 
     name = "lqg"
     estimated = Estimated(offsets=True, curvature=True)
-    weights = Weights(rate=1.0, slip=1e-3, drift=1e-2, bend=1.0)
+    weights = Weights(rate=1.0, slip=1e-3, drift=1e-2, bend=1.0, lag=0.015)

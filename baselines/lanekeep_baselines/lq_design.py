@@ -24,9 +24,10 @@ from scipy.linalg import solve_discrete_are
 from lanekeep_baselines.lq_model import HEADING, LATERAL, STATES, STEER, YAW_RATE, StepModel
 from lanekeep_baselines.policy import Floats
 
-#: Measured states, and the standard deviations of their noise: production sensors (rad, rad/s, rad, m).
+#: Measured states, and the least standard deviations that a filter assumes of them (rad, rad/s, rad, m): a tenth of
+#: those of production sensors.
 MEASURED = (STEER, YAW_RATE, HEADING, LATERAL)
-NOISE: Floats = np.array([2e-4, 5e-3, 3e-3, 0.03])
+LEAST_NOISE: Floats = np.array([2e-5, 5e-4, 3e-4, 3e-3])
 #: Below this speed, m/s, a road's curvature is not expected to be any larger.
 SLOWEST_BEND = 10.0
 
@@ -41,12 +42,14 @@ class Weights:
         drift: how far the constant slip offsets wander in a second, rad; read where they are estimated.
         bend: lateral acceleration, m/s², that the road asks for beyond the known: anew in each step where the
             curvature is known, by how much it wanders in a second where it is estimated.
+        lag: of an actuator slower than the nominal one, that much more, s.
     """
 
     rate: float
     slip: float
     drift: float
     bend: float
+    lag: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,7 @@ class Estimated:
         """Numbers that are estimated."""
         return STATES + 2 * self.offsets + self.curvature
 
-    def filter(self, model: StepModel, weights: Weights, speed: float, step: float) -> Floats:
+    def filter(self, model: StepModel, weights: Weights, sensors: Floats, speed: float, step: float) -> Floats:
         """Return F of x[k] = F (x[k-1], kappa[k-1], kappa[k], u[k-1] ... u[k-1-m], y[k]), the steady Kalman filter.
 
         The curvatures are there only where they are known. Shape (states, states + 2 + m + 1 + 4) or two less.
@@ -146,11 +149,12 @@ class Estimated:
             noise[-1, -1] = bend**2 * step
         else:
             noise[:STATES, :STATES] += bend**2 * np.outer(constant, constant)
-        measured = np.eye(n)[list(MEASURED)]
-        covariance = solve_discrete_are(a.T, measured.T, noise, np.diag(NOISE**2))
+        # In units of its noise: scipy then solves the equation whatever the weights are.
+        measured = np.eye(n)[list(MEASURED)] / sensors[:, None]
+        covariance = solve_discrete_are(a.T, measured.T, noise, np.eye(len(MEASURED)))
         seen = covariance @ measured.T
-        correction = np.linalg.solve(measured @ seen + np.diag(NOISE**2), seen.T).T
+        correction = np.linalg.solve(measured @ seen + np.eye(len(MEASURED)), seen.T).T
         inputs = model.b if self.curvature else np.hstack([model.curvature, model.b])
         inputs = np.vstack([inputs, np.zeros((n - STATES, inputs.shape[1]))])
         kept = np.eye(n) - correction @ measured
-        return np.hstack([kept @ a, kept @ inputs, correction])
+        return np.hstack([kept @ a, kept @ inputs, correction / sensors])
