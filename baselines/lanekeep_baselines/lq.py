@@ -15,7 +15,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.lq_design import LEAST_NOISE, Cost, Estimated, Weights, gains, on_samples
+from lanekeep_baselines.lq_design import Cost, Estimated, Measuring, Weights, gains, on_samples
 from lanekeep_baselines.lq_model import STATES, StepModel, steady_sideslip
 from lanekeep_baselines.policy import Floats, LaneScenario, SteeringPolicy
 from lanekeep_baselines.table import Table, weighted_sum
@@ -23,8 +23,10 @@ from lanekeep_env.sensing.faults import Sensors
 
 #: Speeds of the design points, m/s.
 SPEEDS: Floats = np.arange(1.0, 60.1, 1.0)
-#: Channels of the measured states, in the order of `lq_design.MEASURED`.
+#: Channels of the measured states, in the order of `lq_design.MEASURED`, and the least standard deviations that a
+#: filter assumes of them (rad, rad/s, rad, m): a tenth of those of production sensors.
 MEASURED_CHANNELS = ("steering_angle", "yaw_rate", "heading_error", "lateral_error")
+LEAST_NOISE: Floats = np.array([2e-5, 5e-4, 3e-4, 3e-3])
 #: Least preview, s: behind it the curvature is taken to stay as it is.
 SHORTEST_PREVIEW = 1.0
 
@@ -45,8 +47,8 @@ class CostScenario(LaneScenario, Protocol):
 class LinearQuadratic(SteeringPolicy):
     """Kalman filter, then feedback of the estimates, of the commands on their way, and of the road.
 
-    Memory: the estimates (x, slip offsets, curvature), the curvature at the car where it is known, and the commands
-    before the last one that are still on their way.
+    Memory: the estimates (x, slip offsets, curvature, what late sensors are still to tell), the curvature at the car
+    where it is known, and the commands before the last one that are still on their way.
     """
 
     needs: ClassVar[tuple[str, ...]] = (
@@ -77,8 +79,9 @@ class LinearQuadratic(SteeringPolicy):
         step, slip = scenario.control_step, scenario.dynamics != "kinematic"
         actuator = scenario.vehicle.steering
         car = replace(scenario.vehicle, steering=replace(actuator, lag=actuator.lag + weights.lag))
-        weight, noise = weights.rate * scenario.cost_weight, _noise(scenario.sensors)
+        weight = weights.rate * scenario.cost_weight
         cost = Cost(scenario.reference_lateral_error, weight, scenario.reference_steering_rate)
+        measuring = _measuring(scenario.sensors, step)
         steps = 2 + int(reach / step) if known else 1
         self._sideslip = steady_sideslip(car, slip)
         feedback, filters = [], []
@@ -94,10 +97,12 @@ class LinearQuadratic(SteeringPolicy):
             if known:
                 parts.append(on_samples(found.curvature, step, len(self._samples), interval))
             feedback.append(-np.concatenate(parts))
-            filters.append(self.estimated.filter(model, weights, noise, speed, step).T)
+            filters.append(self.estimated.filter(model, weights, measuring, speed, step).T)
         self._on_the_way = model.b.shape[1] - 1
         self._feedback, self._filter = Table(SPEEDS, np.stack(feedback)), Table(SPEEDS, np.stack(filters))
-        self.memory = self.estimated.states + known + self._on_the_way
+        self._late = measuring.late
+        self._followed = self.estimated.states + sum(measuring.late)
+        self.memory = self._followed + known + self._on_the_way
 
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
@@ -105,7 +110,7 @@ class LinearQuadratic(SteeringPolicy):
         speed, applied = at["speed"], at["steering_command"]
         measured = [at[name] for name in MEASURED_CHANNELS]
         road = [at[name] for name in self._samples] if not self.estimated.curvature else []
-        states = self.estimated.states
+        states = self._followed
         start = self._start(measured, speed)
         estimates = np.stack(start, axis=1)
         commands = np.stack([applied] * (1 + self._on_the_way), axis=1)
@@ -120,7 +125,8 @@ class LinearQuadratic(SteeringPolicy):
             estimates = np.where(started, estimates, followed)
         sent = commands[:, : self._on_the_way]
         command = weighted_sum(
-            self._feedback(speed), np.concatenate([estimates, sent, *[one[:, None] for one in road]], axis=1)
+            self._feedback(speed),
+            np.concatenate([estimates[:, : self.estimated.states], sent, *[one[:, None] for one in road]], axis=1),
         )
         now = road[0][:, None] if road else np.zeros((len(speed), 0))
         return command, np.concatenate([estimates, now, sent], axis=1)
@@ -135,17 +141,20 @@ class LinearQuadratic(SteeringPolicy):
             start += [np.zeros_like(speed)] * 2
         if self.estimated.curvature:
             start.append(curvature)
+        for value, steps in zip(measured, self._late, strict=True):
+            start += [value] * steps
         return start
 
 
-def _noise(sensors: Sensors) -> Floats:
-    """Standard deviation of the white noise and the quantisation of each measured channel, shape (4,)."""
-    noise = LEAST_NOISE.copy()
+def _measuring(sensors: Sensors, step: float) -> Measuring:
+    """Return white noise, quantisation and delay of the measured channels at control steps of ``step`` s."""
+    noise, late = LEAST_NOISE.copy(), [0] * len(MEASURED_CHANNELS)
     for channel, sensor in sensors:
         if channel in MEASURED_CHANNELS:
             i = MEASURED_CHANNELS.index(channel)
             noise[i] = max(noise[i], math.hypot(sensor.noise, sensor.resolution / math.sqrt(12.0)))
-    return noise
+            late[i] = round(sensor.delay / step)
+    return Measuring(noise, tuple(late))
 
 
 class LqPreview(LinearQuadratic):
@@ -153,7 +162,7 @@ class LqPreview(LinearQuadratic):
 
     name = "lq-preview"
     estimated = Estimated(offsets=False, curvature=False)
-    weights = Weights(rate=1.0, slip=1e-3, drift=0.0, bend=0.1)
+    weights = Weights(rate=0.859, slip=1e-3, steer=1e-3, drift=0.0, bend=0.3)
 
 
 class LqPreviewOffsetFree(LinearQuadratic):
@@ -165,7 +174,7 @@ class LqPreviewOffsetFree(LinearQuadratic):
 
     name = "lq-preview-offset-free"
     estimated = Estimated(offsets=True, curvature=False)
-    weights = Weights(rate=1.0, slip=1e-3, drift=1e-2, bend=0.1, lag=0.015)
+    weights = Weights(rate=1.15, slip=1.12e-3, steer=1e-3, drift=3.31e-3, bend=0.0772, lag=0.0845)
 
 
 class LinearQuadraticGaussian(LinearQuadratic):
@@ -173,4 +182,4 @@ class LinearQuadraticGaussian(LinearQuadratic):
 
     name = "lqg"
     estimated = Estimated(offsets=True, curvature=True)
-    weights = Weights(rate=1.0, slip=1e-3, drift=1e-2, bend=1.0, lag=0.015)
+    weights = Weights(rate=0.795, slip=9.32e-4, steer=1e-3, drift=5.06e-3, bend=0.772, lag=0.0421)

@@ -24,10 +24,8 @@ from scipy.linalg import solve_discrete_are
 from lanekeep_baselines.lq_model import HEADING, LATERAL, STATES, STEER, YAW_RATE, StepModel
 from lanekeep_baselines.policy import Floats
 
-#: Measured states, and the least standard deviations that a filter assumes of them (rad, rad/s, rad, m): a tenth of
-#: those of production sensors.
+#: Measured states, in the order of the sensors.
 MEASURED = (STEER, YAW_RATE, HEADING, LATERAL)
-LEAST_NOISE: Floats = np.array([2e-5, 5e-4, 3e-4, 3e-3])
 #: Below this speed, m/s, a road's curvature is not expected to be any larger.
 SLOWEST_BEND = 10.0
 
@@ -39,6 +37,7 @@ class Weights:
     Attributes:
         rate: factor of the cost's weight on the steering rate.
         slip: standard deviation of the axles' slip offsets that are new in each step, rad.
+        steer: standard deviation of what the road wheel moves in each step beside its model, rad.
         drift: how far the constant slip offsets wander in a second, rad; read where they are estimated.
         bend: lateral acceleration, m/s², that the road asks for beyond the known: anew in each step where the
             curvature is known, by how much it wanders in a second where it is estimated.
@@ -47,6 +46,7 @@ class Weights:
 
     rate: float
     slip: float
+    steer: float
     drift: float
     bend: float
     lag: float = 0.0
@@ -114,6 +114,19 @@ def on_samples(curvature: Floats, step: float, samples: int, interval: float) ->
 
 
 @dataclass(frozen=True, eq=False)
+class Measuring:
+    """What the sensors make of the measured states.
+
+    Attributes:
+        noise: standard deviations, rad, rad/s, rad and m, shape (4,).
+        late: control steps from an event to its sample.
+    """
+
+    noise: Floats
+    late: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Estimated:
     """The model with the constants that a filter estimates beside the states.
 
@@ -130,31 +143,38 @@ class Estimated:
         """Numbers that are estimated."""
         return STATES + 2 * self.offsets + self.curvature
 
-    def filter(self, model: StepModel, weights: Weights, sensors: Floats, speed: float, step: float) -> Floats:
+    def filter(self, model: StepModel, weights: Weights, measuring: Measuring, speed: float, step: float) -> Floats:
         """Return F of x[k] = F (x[k-1], kappa[k-1], kappa[k], u[k-1] ... u[k-1-m], y[k]), the steady Kalman filter.
 
-        The curvatures are there only where they are known. Shape (states, states + 2 + m + 1 + 4) or two less.
+        The curvatures are there only where they are known. Behind the states, x holds what late sensors are still to
+        tell, each channel's from the newest to the oldest. Shape (n, n + 2 + m + 1 + 4) or two less.
         """
-        n = self.states
-        a, constant = np.eye(n), model.curvature.sum(axis=1)
-        a[:STATES, :STATES] = model.a
+        n, known = self.states + sum(measuring.late), self.states
+        a, constant = np.zeros((n, n)), model.curvature.sum(axis=1)
+        a[:STATES, :STATES], a[STATES:known, STATES:known] = model.a, np.eye(known - STATES)
         noise = np.zeros((n, n))
         noise[:STATES, :STATES] = weights.slip**2 * model.offsets @ model.offsets.T
+        noise[STEER, STEER] = weights.steer**2
         bend = weights.bend / max(speed, SLOWEST_BEND) ** 2
         if self.offsets:
             a[:STATES, STATES : STATES + 2] = model.offsets
             noise[STATES : STATES + 2, STATES : STATES + 2] = weights.drift**2 * step * np.eye(2)
         if self.curvature:
-            a[:STATES, -1] = constant
-            noise[-1, -1] = bend**2 * step
+            a[:STATES, known - 1] = constant
+            noise[known - 1, known - 1] = bend**2 * step
         else:
             noise[:STATES, :STATES] += bend**2 * np.outer(constant, constant)
+        shown = list(MEASURED)
+        for i, steps in enumerate(measuring.late):
+            for _ in range(steps):
+                a[known, shown[i]] = 1.0
+                shown[i], known = known, known + 1
         # In units of its noise: scipy then solves the equation whatever the weights are.
-        measured = np.eye(n)[list(MEASURED)] / sensors[:, None]
+        measured = np.eye(n)[shown] / measuring.noise[:, None]
         covariance = solve_discrete_are(a.T, measured.T, noise, np.eye(len(MEASURED)))
         seen = covariance @ measured.T
         correction = np.linalg.solve(measured @ seen + np.eye(len(MEASURED)), seen.T).T
         inputs = model.b if self.curvature else np.hstack([model.curvature, model.b])
         inputs = np.vstack([inputs, np.zeros((n - STATES, inputs.shape[1]))])
         kept = np.eye(n) - correction @ measured
-        return np.hstack([kept @ a, kept @ inputs, correction / sensors])
+        return np.hstack([kept @ a, kept @ inputs, correction / measuring.noise])
