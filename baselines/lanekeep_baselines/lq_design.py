@@ -39,9 +39,9 @@ class Weights:
         slip: standard deviation of the axles' slip offsets that are new in each step, rad.
         steer: standard deviation of what the road wheel moves in each step beside its model, rad.
         drift: how far the constant slip offsets wander in a second, rad; read where they are estimated.
-        bend: lateral acceleration, m/s², that the road asks for beyond the known: anew in each step where the
-            curvature is known, by how much it wanders in a second where it is estimated.
-        lag: of an actuator slower than the nominal one, that much more, s.
+        bend: standard deviation of the road's curvature as lateral acceleration, m/s²: of its error, new in each step,
+            where it is known; of how far it wanders in a second where it is estimated.
+        lag: that the actuator is taken to have beyond the nominal one's, s: a reserve for cars that differ.
     """
 
     rate: float
