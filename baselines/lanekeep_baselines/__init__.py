@@ -45,6 +45,9 @@ _POLICIES = {
     "yin-lqr-observer-printed": "yin:YinLqrObserverPrinted",
     "yin-lqr-observer": "yin:YinLqrObserver",
     "yin-lqr-feedforward": "yin:YinLqrFeedforward",
+    "lq-preview": "lq:LqPreview",
+    "lq-preview-offset-free": "lq:LqPreviewOffsetFree",
+    "lqg": "lq:LinearQuadraticGaussian",
     "knightriders-circuit": "knightriders_circuit:KnightRidersCircuit",
 }
 

@@ -32,6 +32,11 @@ def colour_of(index: int) -> str:
     return _COLOURS[index % len(_COLOURS)]
 
 
+def line_of(index: int) -> dict[str, Any]:
+    """Colour and style of that policy's line; where the colours begin again, it is dashed."""
+    return {"color": colour_of(index), "linestyle": ("-", "--", ":")[index // len(_COLOURS) % 3]}
+
+
 def png(figure: Figure) -> bytes:
     """Return the figure as PNG."""
     buffer = io.BytesIO()
@@ -110,7 +115,7 @@ def plot_episode(title: str, traces: Mapping[str, Trace], control_step: float, l
         for place, (name, trace) in enumerate(traces.items()):
             if key in trace:
                 time = control_step * np.arange(1, len(trace[key]) + 1)
-                axes.plot(time, scale * trace[key], color=colour_of(place), linewidth=1.2, label=name)
+                axes.plot(time, scale * trace[key], **line_of(place), linewidth=1.2, label=name)
         axes.set_ylabel(label)
         axes.grid(**GRID)
     if lane_width is not None:
@@ -151,9 +156,7 @@ def plot_map(title: str, road: Road, traces: Mapping[str, Trace], lane_width: fl
         figure.colorbar(line, ax=maps, label="|lateral error| [m], red outside the lane", shrink=0.7, extend="max")
     below = figure.add_subplot(grid[rows, :])
     for place, (name, trace) in enumerate(traces.items()):
-        below.plot(
-            travelled(trace["arc_length"], road.length), trace["lateral_error"], color=colour_of(place), label=name
-        )
+        below.plot(travelled(trace["arc_length"], road.length), trace["lateral_error"], **line_of(place), label=name)
     _mark_lane(below, lane_width)
     below.set_xlabel("arc length [m]")
     below.set_ylabel("lateral error [m]")

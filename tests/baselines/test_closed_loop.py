@@ -19,9 +19,9 @@ CARS = [name for name, car in VEHICLES.items() if car.mass > 100.0]
 
 
 @pytest.mark.parametrize("vehicle", CARS)
-@pytest.mark.parametrize("name", lanekeep_baselines.names(LaneKeepScenario(preview=1)))
+@pytest.mark.parametrize("name", lanekeep_baselines.names(LaneKeepScenario(preview=11)))
 def test_stable_with_sideslip_at_design_speeds_and_between(bench, name: str, vehicle: str) -> None:
-    scenario = LaneKeepScenario(vehicle=VEHICLES[vehicle], preview=1)
+    scenario = LaneKeepScenario(vehicle=VEHICLES[vehicle], preview=11)
     policy = lanekeep_baselines.make(name, scenario)
     for speed in [0.5, 1.0, 2.0, *np.arange(5.0, FASTEST.get(vehicle, 60.0) + 0.1, 1.25)]:
         car = bench.LinearCar(scenario.vehicle, speed, scenario.control_step)
@@ -33,9 +33,9 @@ def test_stable_with_sideslip_at_design_speeds_and_between(bench, name: str, veh
 
 
 @pytest.mark.parametrize("vehicle", CARS)
-@pytest.mark.parametrize("name", lanekeep_baselines.names(LaneKeepScenario(preview=1)))
+@pytest.mark.parametrize("name", lanekeep_baselines.names(LaneKeepScenario(preview=11)))
 def test_stable_and_exact_without_slip(bench, name: str, vehicle: str) -> None:
-    scenario = LaneKeepScenario(vehicle=VEHICLES[vehicle], dynamics="kinematic", preview=1)
+    scenario = LaneKeepScenario(vehicle=VEHICLES[vehicle], dynamics="kinematic", preview=11)
     policy = lanekeep_baselines.make(name, scenario)
     for speed in [1.0, 2.0, *np.arange(5.0, FASTEST.get(vehicle, 50.0) + 0.1, 2.5)]:
         car = bench.KinematicCar(scenario.vehicle, speed, scenario.control_step)

@@ -10,7 +10,9 @@ import lanekeep_baselines
 import lanekeep_env  # noqa: F401  (registers the environments)
 
 
-@pytest.mark.parametrize("name", ["yin-lqr-observer", "yin-lqr-feedforward"])
+@pytest.mark.parametrize(
+    "name", ["yin-lqr-observer", "yin-lqr-feedforward", "lq-preview", "lq-preview-offset-free", "lqg"]
+)
 @pytest.mark.parametrize(
     "settings",
     [
@@ -23,7 +25,7 @@ import lanekeep_env  # noqa: F401  (registers the environments)
     ids=str,
 )
 def test_no_departure_in_an_episode(name: str, settings: dict) -> None:
-    envs = gym.make_vec("lanekeep/LaneKeep-v0", num_envs=16, preview=3, **settings)
+    envs = gym.make_vec("lanekeep/LaneKeep-v0", num_envs=16, preview=12, **settings)
     policy = lanekeep_baselines.make(name, envs.unwrapped.scenario)
     observation, _ = envs.reset(seed=0)
     state, start = None, np.ones(16, dtype=bool)

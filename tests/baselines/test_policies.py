@@ -16,7 +16,7 @@ import lanekeep_baselines
 from lanekeep_baselines.table import Table, weighted_sum
 from lanekeep_env.scenario import CameraLaneScenario, LaneKeepScenario
 
-SCENARIO = LaneKeepScenario(preview=2)
+SCENARIO = LaneKeepScenario(preview=11)
 CAMERA = CameraLaneScenario()
 SCENARIOS = {name: scenario for scenario in (SCENARIO, CAMERA) for name in lanekeep_baselines.names(scenario)}
 POLICIES = {name: lanekeep_baselines.make(name, scenario) for name, scenario in SCENARIOS.items()}

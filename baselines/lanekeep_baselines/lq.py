@@ -1,0 +1,185 @@
+"""LQ controllers of the benchmark's own cost: with preview of the road, free of offsets, and without the road.
+
+What optimal linear control makes of what a learned policy is given: the nominal car, the cost, the channels. Gains and
+filters are designed at many speeds and interpolated between them (`lq_model`, `lq_design`); sideslip, which no sensor
+measures, comes from a Kalman filter. All of them know the scenario's nominal car only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lanekeep_baselines.lq_design import Cost, Estimated, Measuring, Weights, gains, on_samples
+from lanekeep_baselines.lq_model import STATES, StepModel, steady_sideslip
+from lanekeep_baselines.policy import Floats, LaneScenario, SteeringPolicy
+from lanekeep_baselines.table import Table, weighted_sum
+from lanekeep_env.sensing.faults import Sensors
+
+#: Speeds of the design points, m/s.
+SPEEDS: Floats = np.arange(1.0, 60.1, 1.0)
+#: Channels of the measured states, in the order of `lq_design.MEASURED`, and the least standard deviations that a
+#: filter assumes of them (rad, rad/s, rad, m): a tenth of those of production sensors.
+MEASURED_CHANNELS = ("steering_angle", "yaw_rate", "heading_error", "lateral_error")
+LEAST_NOISE: Floats = np.array([2e-5, 5e-4, 3e-4, 3e-3])
+#: Least preview, s: behind it the curvature is taken to stay as it is.
+SHORTEST_PREVIEW = 1.0
+
+
+class CostScenario(LaneScenario, Protocol):
+    """What a controller that is designed for the running cost may know besides."""
+
+    @property
+    def reference_lateral_error(self) -> float: ...
+    @property
+    def cost_weight(self) -> float: ...
+    @property
+    def reference_steering_rate(self) -> float: ...
+    @property
+    def sensors(self) -> Sensors: ...
+
+
+class LinearQuadratic(SteeringPolicy):
+    """Kalman filter, then feedback of the estimates, of the commands on their way, and of the road.
+
+    Memory: the estimates (x, slip offsets, curvature, what late sensors are still to tell), the curvature at the car
+    where it is known, and the commands before the last one that are still on their way.
+    """
+
+    needs: ClassVar[tuple[str, ...]] = (
+        "lateral_error",
+        "heading_error",
+        "yaw_rate",
+        "speed",
+        "steering_angle",
+        "steering_command",
+    )
+    estimated: ClassVar[Estimated]
+    #: What `python -m lanekeep_baselines.tuning` found.
+    weights: ClassVar[Weights]
+
+    def __init__(self, scenario: CostScenario, weights: Weights | None = None) -> None:
+        super().__init__(scenario)
+        weights = self.weights if weights is None else weights
+        self._samples = tuple(channel for channel in self._order if channel.startswith("curvature_preview_"))
+        known = not self.estimated.curvature
+        interval = scenario.preview_interval
+        reach = max(len(self._samples) - 1, 0) * interval
+        if known and reach < SHORTEST_PREVIEW - 1e-9:
+            least = 1 + math.ceil(SHORTEST_PREVIEW / interval - 1e-9)
+            raise ValueError(
+                f"policy {self.name!r} needs {SHORTEST_PREVIEW:g} s of curvature preview, the scenario shows "
+                f"{reach:g} s: make it with preview={least} or more"
+            )
+        step, slip = scenario.control_step, scenario.dynamics != "kinematic"
+        actuator = scenario.vehicle.steering
+        car = replace(scenario.vehicle, steering=replace(actuator, lag=actuator.lag + weights.lag))
+        weight = weights.rate * scenario.cost_weight
+        cost = Cost(scenario.reference_lateral_error, weight, scenario.reference_steering_rate)
+        measuring = _measuring(scenario.sensors, step)
+        steps = 2 + int(reach / step) if known else 1
+        self._sideslip = steady_sideslip(car, slip)
+        feedback, filters = [], []
+        for speed in SPEEDS:
+            model = StepModel.of(car, speed, step, slip)
+            found = gains(model, cost, step, steps)
+            parts = [found.state[:STATES]]
+            if self.estimated.offsets:
+                parts.append(found.offsets)
+            if not known:
+                parts.append(found.constant)
+            parts.append(found.state[STATES:])
+            if known:
+                parts.append(on_samples(found.curvature, step, len(self._samples), interval))
+            feedback.append(-np.concatenate(parts))
+            filters.append(self.estimated.filter(model, weights, measuring, speed, step).T)
+        self._on_the_way = model.b.shape[1] - 1
+        self._feedback, self._filter = Table(SPEEDS, np.stack(feedback)), Table(SPEEDS, np.stack(filters))
+        self._late = measuring.late
+        self._followed = self.estimated.states + sum(measuring.late)
+        self.memory = self._followed + known + self._on_the_way
+
+    def command(
+        self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
+    ) -> tuple[Floats, Floats | None]:
+        speed, applied = at["speed"], at["steering_command"]
+        measured = [at[name] for name in MEASURED_CHANNELS]
+        road = [at[name] for name in self._samples] if not self.estimated.curvature else []
+        states = self._followed
+        start = self._start(measured, speed)
+        estimates = np.stack(start, axis=1)
+        commands = np.stack([applied] * (1 + self._on_the_way), axis=1)
+        if fresh is not True:
+            started = np.asarray(fresh)[..., None]
+            on_the_way = memory[:, memory.shape[1] - self._on_the_way :]
+            commands = np.where(started, commands, np.concatenate([applied[:, None], on_the_way], axis=1))
+            inputs = [memory[:, :states], commands, np.stack(measured, axis=1)]
+            if road:
+                inputs.insert(1, np.stack([memory[:, states], road[0]], axis=1))
+            followed = weighted_sum(self._filter(speed), np.concatenate(inputs, axis=1))
+            estimates = np.where(started, estimates, followed)
+        sent = commands[:, : self._on_the_way]
+        command = weighted_sum(
+            self._feedback(speed),
+            np.concatenate([estimates[:, : self.estimated.states], sent, *[one[:, None] for one in road]], axis=1),
+        )
+        now = road[0][:, None] if road else np.zeros((len(speed), 0))
+        return command, np.concatenate([estimates, now, sent], axis=1)
+
+    def _start(self, measured: list[Floats], speed: Floats) -> list[Floats]:
+        """Return the estimates at an episode's start: a car that drives steadily along its arc, as episodes begin."""
+        steer, yaw_rate, heading, lateral = measured
+        curvature = yaw_rate / np.maximum(speed, 1.0)
+        sideslip = (self._sideslip[0] + self._sideslip[1] * speed * speed) * curvature
+        start = [steer, sideslip, yaw_rate, heading, lateral]
+        if self.estimated.offsets:
+            start += [np.zeros_like(speed)] * 2
+        if self.estimated.curvature:
+            start.append(curvature)
+        for value, steps in zip(measured, self._late, strict=True):
+            start += [value] * steps
+        return start
+
+
+def _measuring(sensors: Sensors, step: float) -> Measuring:
+    """Return white noise, quantisation and delay of the measured channels at control steps of ``step`` s."""
+    noise, late = LEAST_NOISE.copy(), [0] * len(MEASURED_CHANNELS)
+    for channel, sensor in sensors:
+        if channel in MEASURED_CHANNELS:
+            i = MEASURED_CHANNELS.index(channel)
+            noise[i] = max(noise[i], math.hypot(sensor.noise, sensor.resolution / math.sqrt(12.0)))
+            late[i] = round(sensor.delay / step)
+    return Measuring(noise, tuple(late))
+
+
+class LqPreview(LinearQuadratic):
+    """`lq-preview`: the optimum of the running cost for the nominal car on the road that the previews show."""
+
+    name = "lq-preview"
+    estimated = Estimated(offsets=False, curvature=False)
+    weights = Weights(rate=0.859, slip=1e-3, steer=1e-3, drift=0.0, bend=0.3)
+
+
+class LqPreviewOffsetFree(LinearQuadratic):
+    """`lq-preview-offset-free`: the same with the axles' slip offsets estimated.
+
+    In a steady curve any car of whatever mass and tyres is the nominal one with two slip offsets, so that it has no
+    lateral error there; between curves the estimates follow.
+    """
+
+    name = "lq-preview-offset-free"
+    estimated = Estimated(offsets=True, curvature=False)
+    weights = Weights(rate=1.15, slip=1.12e-3, steer=1e-3, drift=3.31e-3, bend=0.0772, lag=0.0845)
+
+
+class LinearQuadraticGaussian(LinearQuadratic):
+    """`lqg`: without the road ahead; its curvature at the car is estimated as well, and taken to stay as it is."""
+
+    name = "lqg"
+    estimated = Estimated(offsets=True, curvature=True)
+    weights = Weights(rate=0.795, slip=9.32e-4, steer=1e-3, drift=5.06e-3, bend=0.772, lag=0.0421)
