@@ -33,7 +33,8 @@ class Powertrain:
         brake: deceleration of the full brake, m/s².
         pedal_lag: of throttle and brake, s.
         upshift, upshift_throttle: engine speed at which the gearbox shifts up, rad/s, and what full throttle adds.
-        downshift, downshift_throttle: the same down.
+        downshift, downshift_throttle: the same down; low enough that a car in need of more throttle in the next gear up
+            does not fall back at once.
         shift_time: without torque, s.
         hold_time: from one gear change to the next at least, s.
     """
@@ -57,8 +58,8 @@ class Powertrain:
     pedal_lag: float = 0.1
     upshift: float = 105.0
     upshift_throttle: float = 95.0
-    downshift: float = 60.0
-    downshift_throttle: float = 50.0
+    downshift: float = 50.0
+    downshift_throttle: float = 30.0
     shift_time: float = 0.25
     hold_time: float = 0.8
 
@@ -76,6 +77,8 @@ class Powertrain:
         others = ("drag_torque", "drag_slope", "drag_area", "rolling", "creep", "pedal_lag", "upshift_throttle")
         for name in (*others, "downshift_throttle", "shift_time"):
             require(f"powertrain.{name}", getattr(self, name), "", at_least=0.0)
+        require("powertrain.efficiency", self.efficiency, "", at_most=1.0)
+        require("powertrain.downshift", self.downshift, "rad/s", at_most=self.upshift)
         require("powertrain.hold_time", self.hold_time, "s", at_least=self.shift_time)
         plain_numbers(self)
 

@@ -96,6 +96,12 @@ def test_slope_and_wind_are_made_good(slope: float, wind: float) -> None:
     assert abs(run["stop_gap"][-1]) < 0.05 and run["speed"][-1] < 0.01
 
 
+@pytest.mark.parametrize(("slope", "speed"), [(0.02, 2.5), (0.1, 5.5)])
+def test_gears_come_to_rest_uphill(slope: float, speed: float) -> None:
+    run = drive("Drive", "werling-drive", 1000, road="straight", traffic=[(0, "speed", speed)], slope=slope, wind=0.0)
+    assert (np.diff(run["gear"][500:]) == 0.0).all()
+
+
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_rows_are_independent_and_nothing_is_remembered_but_in_the_state(name: str) -> None:
     scenario = SCENARIOS[name]
