@@ -94,7 +94,7 @@ def driver(rng, scenario):
 
 def test_ten_thousand_random_episodes_give_numbers_inside_their_bounds():
     """Half of the lanes hold random actions, gentle ones and ones at the limits; half are steered by a policy."""
-    rng, lanes, steps = np.random.default_rng(2008), 64, 120
+    rng, lanes, steps = np.random.default_rng(2008), 16, 120
     episodes, guided = 0, {}
     for name in (EVASIVE, REVERSE, DRIVE):
         until = episodes + 3334
