@@ -3,7 +3,8 @@
 `werling-lateral` steers the centre of gravity (or, slowly, the rear axle) along a path at any speed forwards,
 `werling-reverse` the rear axle in either direction, `werling-drive` does all: steering, set speeds, the car ahead, stop
 points, with throttle and brake. The laws and their sources are in `werling_lateral`, `werling_longitudinal`,
-`werling_drive`. The `-ahead` ones, and `werling-drive`, take the curvature ahead by what the steering actuator lags.
+`werling_drive`. The `-ahead` ones, and `werling-drive`, take the curvature ahead by what the steering actuator lags;
+`werling-lateral-predictor`, in `werling_predictor`, takes the state ahead as well.
 """
 
 from __future__ import annotations
@@ -65,13 +66,15 @@ class _Ahead(SteeringPolicy):
         self._interval = scenario.preview_interval
         self._late = steering.lag + steering.delay + 0.5 * scenario.control_step
 
+    def _curvature(self, at: Mapping[str, Floats], time: Floats) -> Floats:
+        """Return the curvature where the car will be after ``time`` s, 1/m, (n,)."""
+        # Previews are spaced in time at the present speed, so the way is one in time as well.
+        return curvature_ahead(np.stack([at[name] for name in self._samples], axis=1), self._interval, time)
+
     def _curvatures(self, at: Mapping[str, Floats]) -> tuple[Floats, Floats]:
         """Return curvature at the car and as far on as it goes while the steering answers, 1/m, (n,)."""
-        samples = np.stack([at[name] for name in self._samples], axis=1)
-        if not self.ahead:
-            return samples[:, 0], samples[:, 0]
-        # Previews are spaced in time at the present speed, so the way is one in time as well.
-        return samples[:, 0], curvature_ahead(samples, self._interval, np.full(len(samples), self._late))
+        here = at[self._samples[0]]
+        return here, self._curvature(at, np.full_like(here, self._late)) if self.ahead else here
 
 
 class WerlingLateral(_Ahead):

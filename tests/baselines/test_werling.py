@@ -10,9 +10,11 @@ import lanekeep_baselines
 from lanekeep_env import DriveScenario, EvasiveScenario, LaneKeepScenario, ReversePathScenario
 
 FIGURE_10 = [(0, "speed", 0), (4, "speed", 10), (15, "lead", 35, 7.5), (30, "lead_gone"), (37, "stop", 30)]
+LATE = {"base": "passat", "steering": {"lag": 0.05, "delay": 0.1, "angle_limit": 0.6}}
 SCENARIOS = {
     "werling-lateral": EvasiveScenario(),
     "werling-lateral-ahead": EvasiveScenario(),
+    "werling-lateral-predictor": EvasiveScenario(vehicle=LATE),
     "werling-reverse": ReversePathScenario(),
     "werling-reverse-ahead": ReversePathScenario(),
     "werling-drive": DriveScenario(),
