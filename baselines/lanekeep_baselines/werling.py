@@ -204,7 +204,7 @@ class WerlingDrive(WerlingLateralAhead):
         gear = np.clip(at["gear"], 0, len(self._ratios) - 1).astype(np.intp)
         ratio = self._ratios[gear]
         resistance = 0.6 * train.drag_area * v * v / self._mass + GRAVITY * train.rolling
-        resistance = resistance - np.where(gear == 0, train.creep * np.clip(1.0 - v / train.creep_speed, 0.0, 1.0), 0.0)
+        resistance = resistance - train.creep * np.clip(1.0 - v / train.creep_speed, 0.0, 1.0)
         engine_speed = np.maximum(v * ratio, train.idle_speed)
         found = split_range(self._engine, asked, engine_speed, ratio, resistance, train.brake, 1.0)
         # On the slipping converter a closed throttle does not drag: the brake does all.

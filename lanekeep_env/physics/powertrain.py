@@ -91,7 +91,7 @@ def pull(i, lanes, settings, drive):
     # On the slipping converter a closed throttle does not drag: the car creeps.
     torque = larger(torque, zero) if v * ratio < drive[at.D_IDLE] else torque
     drives = zero if interrupted else torque * ratio * drive[at.D_EFFICIENCY] / mass
-    drives += creep(v, drive) if gear == 0 else zero
+    drives += creep(v, drive)
     # Engine and brake together get no more out of the tyres than their friction, in either direction.
     grip = (lanes[at.CAR + 6, i] + lanes[at.CAR + 7, i]) / mass
     drives = clip(drives - lanes[at.BRAKE, i] * drive[at.D_BRAKE], -grip, grip)

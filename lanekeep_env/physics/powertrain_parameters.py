@@ -29,7 +29,8 @@ class Powertrain:
         wheel_radius: m.
         drag_area: air drag coefficient times frontal area, m².
         rolling: resistance over weight.
-        creep: acceleration at standstill with released pedals, m/s², falling to none at ``creep_speed`` (m/s).
+        creep: acceleration at standstill with released pedals, m/s², falling to none at ``creep_speed`` (m/s), in every
+            gear: were it the first one's alone, the car would jerk as it shifts down before it stops.
         brake: deceleration of the full brake, m/s².
         pedal_lag: of throttle and brake, s.
         upshift, upshift_throttle: engine speed at which the gearbox shifts up, rad/s, and what full throttle adds.

@@ -81,8 +81,7 @@ class Second:
         if self.since < p.shift_time - 1e-9:
             force = 0.0
         a = force / self.mass - G * math.sin(self.slope)
-        if self.gear == 0:
-            a += p.creep * min(max(1 - self.v / p.creep_speed, 0.0), 1.0)
+        a += p.creep * min(max(1 - self.v / p.creep_speed, 0.0), 1.0)
         air = self.v + self.wind
         a -= p.brake * self.brake + 0.6 * p.drag_area * air * abs(air) / self.mass + p.rolling * G
         stands = self.v < 1e-3 and a <= 0.0
