@@ -113,10 +113,16 @@ class WerlingLateralPredictor(WerlingLateral):
         super().__init__(scenario)
         steering, step = scenario.vehicle.steering, scenario.control_step
         self.memory = SteeringPath(steering.lag, steering.delay, step).queued
-        self._pieces = math.ceil(step / LONGEST - 1e-9)
-        self._piece = SteeringPath(steering.lag, 0.0, step / self._pieces)
-        self._held = max(round((steering.lag + 0.5 * step) / self._piece.step), 1)
-        self._late = (self.memory * self._pieces + self._held) * self._piece.step
+        rest, pieces = steering.lag + 0.5 * step, math.ceil(step / LONGEST - 1e-9)
+        held = math.ceil(rest / LONGEST - 1e-9)
+        self._pieces, self._held = pieces, held
+        self._queued = SteeringPath(steering.lag, 0.0, step / pieces)
+        self._answer = SteeringPath(steering.lag, 0.0, rest / held)
+        arrives = self.memory * step
+        self._late = arrives + rest
+        # Middles of the pieces of the way.
+        self._times = (np.arange(self.memory * pieces) + 0.5) * self._queued.step
+        self._times = np.append(self._times, arrives + (np.arange(held) + 0.5) * self._answer.step)
 
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
@@ -125,18 +131,16 @@ class WerlingLateralPredictor(WerlingLateral):
         # What entered the actuator, not what was asked for: the environment clips.
         last = at["steering_command"]
         queue = advance_queue(queue_of(memory, fresh, at["steering_angle"]), last)
-        held = np.repeat(last[:, None], self._held, axis=1)
-        commands = np.concatenate([np.repeat(queue, self._pieces, axis=1), held], axis=1)
-        times = (np.arange(commands.shape[1]) + 0.5) * self._piece.step
-        kappas = np.stack([self._curvature(at, np.full_like(last, time)) for time in times], axis=1)
-
         part = self.tuning.part(now.v)
         # As in the blend, rows that have no use for the prediction show it a harmless state.
         moves = part > 0.0
         start = now._replace(
             beta=np.where(moves, now.beta, 0.0), r=np.where(moves, now.r, 0.0), v=np.maximum(now.v, self.tuning.slow)
         )
-        then, _ = predict(self._car, self._piece, start, at["steering_angle"], commands, kappas)
+        kappas = np.stack([self._curvature(at, np.full_like(last, time)) for time in self._times], axis=1)
+        queued, held = np.repeat(queue, self._pieces, axis=1), np.repeat(last[:, None], self._held, axis=1)
+        then, steer = predict(self._car, self._queued, start, at["steering_angle"], queued, kappas[:, : -self._held])
+        then, _ = predict(self._car, self._answer, then, steer, held, kappas[:, -self._held :])
         seen = WerlingMeasured(*(np.where(moves, x + part * (y - x), x) for x, y in zip(now, then, strict=True)))
         kappa, early = self._curvature(at, part * self._late), self._curvature(at, np.full_like(last, self._late))
         steer, _ = blended_steering(self._car, self.tuning, seen, np.ones_like(kappa), kappa, early=early)

@@ -134,4 +134,4 @@ def test_ten_thousand_random_episodes_give_numbers_inside_their_bounds():
             env.close()
     assert episodes >= 10_000
     expected = {policy for policy in lanekeep_baselines.names() if policy.startswith("werling")}
-    assert set(guided) == expected and min(guided.values()) > 200, guided
+    assert set(guided) == expected and min(guided.values()) > 100, guided
