@@ -67,9 +67,9 @@ class Powertrain:
     def __post_init__(self) -> None:
         if not isinstance(self.gears, tuple | list) or not 1 <= len(self.gears) <= at.GEARS_MOST:
             raise ValueError(f"powertrain.gears={self.gears!r} is not allowed: 1 to {at.GEARS_MOST} ratios")
-        object.__setattr__(self, "gears", tuple(float(ratio) for ratio in self.gears))
         for ratio in self.gears:
             require("powertrain.gears", ratio, "", above=0.0)
+        object.__setattr__(self, "gears", tuple(float(ratio) for ratio in self.gears))
         if any(after >= before for before, after in zip(self.gears[:-1], self.gears[1:], strict=True)):
             raise ValueError(f"powertrain.gears={self.gears!r} is not allowed: the ratios must fall")
         positive = ("peak_torque", "peak_speed", "torque_width", "idle_speed", "final_drive", "efficiency")

@@ -14,6 +14,7 @@ from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.physics.powertrain_parameters import Powertrain, powertrain_from
 from lanekeep_env.roads import RandomRoads, RoadSpec, SpeedSpec, speed_from
 from lanekeep_env.scenario.base import Channel
+from lanekeep_env.scenario.evasive import read_sensors
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario
 
 #: Kinds of events and the units of the numbers that follow time and kind.
@@ -50,6 +51,8 @@ class Traffic:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        if not isinstance(self.events, tuple | list):
+            raise ValueError(f"traffic.events={self.events!r} is not allowed: a list of (time, kind, numbers ...)")
         object.__setattr__(self, "events", tuple(self._event(event) for event in self.events))
         times = [event[0] for event in self.events]
         if times != sorted(times):
@@ -181,6 +184,7 @@ class DriveScenario(LaneKeepScenario):
 
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
         **LaneKeepScenario._readers,
+        "sensors": read_sensors,
         "powertrain": powertrain_from,
         "traffic": traffic_from,
         "slope": _slope_from,

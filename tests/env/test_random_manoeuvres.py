@@ -79,8 +79,8 @@ def random_keywords(rng, name):
         "randomisation": pick("nominal", "mismatch", "stress", CARS),
         "sensors": sensors,
         "preview": pick(1, 4, 11),
-        # Samples of production sensors come every 50 ms.
-        "control_step": 0.05 if sensors == "production" else pick(0.02, 0.02, 0.05, 0.1),
+        # Samples of production sensors come every 40 ms.
+        "control_step": 0.02 if sensors == "production" else pick(0.02, 0.02, 0.05, 0.1),
         "dtype": pick("float64", "float32"),
         "autoreset_mode": pick("next_step", "same_step"),
     }
