@@ -186,8 +186,9 @@ class WerlingDrive(WerlingLateralAhead):
         self._train, self._mass = scenario.powertrain, scenario.vehicle.mass
         self._far = next(c.high for c in scenario.channels if c.name == "lead_gap")  # type: ignore[attr-defined]
         train = self._train
-        speeds = np.linspace(train.idle_speed, 650.0, 60)
-        full = train.peak_torque * np.maximum(1.0 - ((speeds - train.peak_speed) / train.torque_width) ** 2, 0.0)
+        speeds = np.linspace(train.idle_speed, train.idle_speed + 600.0, 60)
+        # Never quite nothing: an engine without drag has no inverse where the throttle does nothing.
+        full = train.peak_torque * np.maximum(1.0 - ((speeds - train.peak_speed) / train.torque_width) ** 2, 1e-6)
         drag = train.drag_torque + train.drag_slope * speeds
         self._engine = EngineMap(
             speeds, np.array([0.0, 1.0]), np.stack([-drag, full], axis=1) * train.efficiency / self._mass

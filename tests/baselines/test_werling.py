@@ -104,6 +104,12 @@ def test_gears_come_to_rest_uphill(slope: float, speed: float) -> None:
     assert (np.diff(run["gear"][500:]) == 0.0).all()
 
 
+def test_an_engine_without_drag_that_gives_nothing_at_high_speed_is_driven_as_well() -> None:
+    engine = {"drag_torque": 0.0, "drag_slope": 0.0, "peak_speed": 200.0, "torque_width": 190.0}
+    run = drive("Drive", "werling-drive", 500, road="straight", traffic=[(0, "speed", 8)], powertrain=engine)
+    assert run["speed"][-50:] == pytest.approx(8.0, abs=0.1)
+
+
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_rows_are_independent_and_nothing_is_remembered_but_in_the_state(name: str) -> None:
     scenario = SCENARIOS[name]
