@@ -119,7 +119,7 @@ DRIVING = {
     "reference_steering_rate": [0.3],
     "road": ["yin", {"kind": "circle", "radius": 150.0}],
     "start_lateral_error": [0.2],
-    "observation": ["full"],
+    "observation": ["measured"],
     "episode_steps": [300],
     "powertrain": [{"gears": (3.5, 2.0, 1.2), "pedal_lag": 0.0}, {"creep": 0.0, "brake": 6.0}],
     "traffic": [
