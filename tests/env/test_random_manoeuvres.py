@@ -30,15 +30,16 @@ def random_keywords(rng, name):
     def pick(*values):
         return values[rng.integers(len(values))]
 
+    sensors, dtype = pick(None, None, "production", "poor"), pick("float64", "float32")
     steering = {
         "lag": pick(0.01, 0.05, 0.3),
         "rate_limit": pick(None, 0.1, 1.0),
         "angle_limit": pick(None, 0.6, 1.4),
-        "backlash": pick(0.0, 0.0, 0.02),
+        # Not with everything: each combination is a kernel to compile.
+        "backlash": 0.0 if sensors or dtype == "float32" else pick(0.0, 0.02),
         "delay": pick(0.0, 0.1, 0.25),
     }
     changed = {"base": pick("passat", "yin", "commonroad-1"), "steering": steering}
-    sensors = pick(None, None, "production", "poor")
     radius, shift, low = float(rng.uniform(2.5, 60.0)), float(rng.uniform(0.1, 20.0)), float(rng.uniform(-0.3, 0.3))
     circle = {"kind": "circle", "radius": pick(-1.0, 1.0) * radius}
     evasive = {"kind": "evasive", "shift": shift, "shift_length": shift * float(rng.uniform(2.0, 20.0))}
@@ -49,7 +50,6 @@ def random_keywords(rng, name):
             "road": pick(evasive, evasive, circle, yard),
             "speed": pick(0.0, float(rng.uniform(0.0, 6.0)), float(rng.uniform(5.0, 60.0)), None),
             "friction": pick(0.1, 0.3, 1.0, 2.0),
-            "dynamics": pick("dynamic", "dynamic", "kinematic"),
             "tyre": pick("magic_formula", "magic_formula", "linear"),
         },
         REVERSE: {
@@ -81,7 +81,7 @@ def random_keywords(rng, name):
         "preview": pick(1, 4, 11),
         # Samples of production sensors come every 40 ms.
         "control_step": 0.02 if sensors == "production" else pick(0.02, 0.02, 0.05, 0.1),
-        "dtype": pick("float64", "float32"),
+        "dtype": dtype,
         "autoreset_mode": pick("next_step", "same_step"),
     }
 
