@@ -38,6 +38,7 @@ _POLICIES = {
     "traechtler-inverse": "traechtler_blind:TraechtlerInverse",
     "werling-lateral": "werling:WerlingLateral",
     "werling-lateral-ahead": "werling:WerlingLateralAhead",
+    "werling-lateral-predictor": "werling_predictor:WerlingLateralPredictor",
     "werling-reverse": "werling:WerlingReverse",
     "werling-reverse-ahead": "werling:WerlingReverseAhead",
     "werling-drive": "werling:WerlingDrive",

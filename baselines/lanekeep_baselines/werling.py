@@ -3,7 +3,8 @@
 `werling-lateral` steers the centre of gravity (or, slowly, the rear axle) along a path at any speed forwards,
 `werling-reverse` the rear axle in either direction, `werling-drive` does all: steering, set speeds, the car ahead, stop
 points, with throttle and brake. The laws and their sources are in `werling_lateral`, `werling_longitudinal`,
-`werling_drive`. The `-ahead` ones, and `werling-drive`, take the curvature ahead by what the steering actuator lags.
+`werling_drive`. The `-ahead` ones, and `werling-drive`, take the curvature ahead by what the steering actuator lags;
+`werling-lateral-predictor`, in `werling_predictor`, takes the state ahead as well.
 """
 
 from __future__ import annotations
@@ -65,13 +66,15 @@ class _Ahead(SteeringPolicy):
         self._interval = scenario.preview_interval
         self._late = steering.lag + steering.delay + 0.5 * scenario.control_step
 
+    def _curvature(self, at: Mapping[str, Floats], time: Floats) -> Floats:
+        """Return the curvature where the car will be after ``time`` s, 1/m, (n,)."""
+        # Previews are spaced in time at the present speed, so the way is one in time as well.
+        return curvature_ahead(np.stack([at[name] for name in self._samples], axis=1), self._interval, time)
+
     def _curvatures(self, at: Mapping[str, Floats]) -> tuple[Floats, Floats]:
         """Return curvature at the car and as far on as it goes while the steering answers, 1/m, (n,)."""
-        samples = np.stack([at[name] for name in self._samples], axis=1)
-        if not self.ahead:
-            return samples[:, 0], samples[:, 0]
-        # Previews are spaced in time at the present speed, so the way is one in time as well.
-        return samples[:, 0], curvature_ahead(samples, self._interval, np.full(len(samples), self._late))
+        here = at[self._samples[0]]
+        return here, self._curvature(at, np.full_like(here, self._late)) if self.ahead else here
 
 
 class WerlingLateral(_Ahead):
@@ -183,8 +186,9 @@ class WerlingDrive(WerlingLateralAhead):
         self._train, self._mass = scenario.powertrain, scenario.vehicle.mass
         self._far = next(c.high for c in scenario.channels if c.name == "lead_gap")  # type: ignore[attr-defined]
         train = self._train
-        speeds = np.linspace(train.idle_speed, 650.0, 60)
-        full = train.peak_torque * np.maximum(1.0 - ((speeds - train.peak_speed) / train.torque_width) ** 2, 0.0)
+        speeds = np.linspace(train.idle_speed, train.idle_speed + 600.0, 60)
+        # Never quite nothing: an engine without drag has no inverse where the throttle does nothing.
+        full = train.peak_torque * np.maximum(1.0 - ((speeds - train.peak_speed) / train.torque_width) ** 2, 1e-6)
         drag = train.drag_torque + train.drag_slope * speeds
         self._engine = EngineMap(
             speeds, np.array([0.0, 1.0]), np.stack([-drag, full], axis=1) * train.efficiency / self._mass
@@ -201,7 +205,7 @@ class WerlingDrive(WerlingLateralAhead):
         gear = np.clip(at["gear"], 0, len(self._ratios) - 1).astype(np.intp)
         ratio = self._ratios[gear]
         resistance = 0.6 * train.drag_area * v * v / self._mass + GRAVITY * train.rolling
-        resistance = resistance - np.where(gear == 0, train.creep * np.clip(1.0 - v / train.creep_speed, 0.0, 1.0), 0.0)
+        resistance = resistance - train.creep * np.clip(1.0 - v / train.creep_speed, 0.0, 1.0)
         engine_speed = np.maximum(v * ratio, train.idle_speed)
         found = split_range(self._engine, asked, engine_speed, ratio, resistance, train.brake, 1.0)
         # On the slipping converter a closed throttle does not drag: the brake does all.

@@ -44,6 +44,10 @@ class WerlingTuning(NamedTuple):
     fast: float = 4.5
     margin: float = MARGIN
 
+    def part(self, v: Floats) -> Floats:
+        """Return the dynamic law's part of the blend at v, m/s: 0 to 1, (n,)."""
+        return np.clip((v - self.slow) / (self.fast - self.slow), 0.0, 1.0)
+
 
 def dynamic_steering(
     car: WerlingCar,
@@ -162,7 +166,7 @@ def blended_steering(
     steered_for = kappa if early is None else early
     rear_d, rear_heading = shifted(at.d, at.heading, kappa, -car.to_rear)
     slow = kinematic_steering(car.wheelbase, tuning.wave_number, rear_d, rear_heading, direction, steered_for)
-    part = np.clip((at.v - tuning.slow) / (tuning.fast - tuning.slow), 0.0, 1.0)
+    part = tuning.part(at.v)
     blend = part > 0.0
     # Rows that have no use for the dynamic law show it a harmless state: neither v = 0 nor what beta is there.
     beta, r, v = np.where(blend, at.beta, 0.0), np.where(blend, at.r, 0.0), np.maximum(at.v, tuning.slow)

@@ -1,4 +1,4 @@
-"""Where the car will be when the command arrives: a predictor against the delay and the lag of the steering.
+"""`werling-lateral-predictor`, and what it knows of where the car will be when the command arrives.
 
 An addition to Werling, Gröll, Bretthauer 2008, whose law knows no actuator. Above some 20 m/s its zero dynamics (sway
 and yaw at constant d) are so weakly damped that 100 ms of delay leave no useful bandwidth. As in a Smith predictor the
@@ -10,13 +10,19 @@ it needs no stable model, and errors do not add up.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats
-from lanekeep_baselines.werling_lateral import SMALLEST, WerlingMeasured
+from lanekeep_baselines.werling import GripScenario, WerlingLateral
+from lanekeep_baselines.werling_lateral import SMALLEST, WerlingMeasured, blended_steering
 from lanekeep_baselines.werling_tyres import WerlingCar, axle_force, slip_angles
+
+#: Step of the integration at the most, s: at v_k the car's fastest pole is at some 50 1/s.
+LONGEST = 0.02
 
 
 class SteeringPath(NamedTuple):
@@ -80,7 +86,7 @@ def predict(
     return WerlingMeasured(d, heading, beta, r, at.v), steer
 
 
-def queue_of(memory: Floats, fresh: Floats | bool, steer: Floats) -> Floats:
+def queue_of(memory: Floats, fresh: NDArray[np.bool_] | bool, steer: Floats) -> Floats:
     """Return the commands on their way, (n, m); rows that start have stood at the present road-wheel angle."""
     return np.where(np.atleast_1d(fresh)[:, None], steer[:, None], memory)
 
@@ -88,3 +94,54 @@ def queue_of(memory: Floats, fresh: Floats | bool, steer: Floats) -> Floats:
 def advance_queue(queue: Floats, command: Floats) -> Floats:
     """Return the queue after ``command`` (n,) was given: the oldest has arrived, (n, m)."""
     return np.concatenate([queue, command[:, None]], axis=1)[:, 1:]
+
+
+class WerlingLateralPredictor(WerlingLateral):
+    """`werling-lateral-predictor`: the same law for the state and the curvature that its command will meet.
+
+    Both are taken where the car will be after the nominal delay and lag and half a control step of held command; on
+    the way it drives by the commands that were given, and then by the last of them. To the law the lag is delay as
+    well: so regarded, the poles of the loop are the designed ones. Up to v_k the law sees the car where it is, up to
+    v_d something between. Rate limits and other faults of the actuator are not foreseen.
+    """
+
+    name = "werling-lateral-predictor"
+    ahead = True
+    needs = (*WerlingLateral.needs, "steering_angle", "steering_command")
+
+    def __init__(self, scenario: GripScenario) -> None:
+        super().__init__(scenario)
+        steering, step = scenario.vehicle.steering, scenario.control_step
+        self.memory = SteeringPath(steering.lag, steering.delay, step).queued
+        rest, pieces = steering.lag + 0.5 * step, math.ceil(step / LONGEST - 1e-9)
+        held = math.ceil(rest / LONGEST - 1e-9)
+        self._pieces, self._held = pieces, held
+        self._queued = SteeringPath(steering.lag, 0.0, step / pieces)
+        self._answer = SteeringPath(steering.lag, 0.0, rest / held)
+        arrives = self.memory * step
+        self._late = arrives + rest
+        # Middles of the pieces of the way.
+        self._times = (np.arange(self.memory * pieces) + 0.5) * self._queued.step
+        self._times = np.append(self._times, arrives + (np.arange(held) + 0.5) * self._answer.step)
+
+    def command(
+        self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
+    ) -> tuple[Floats, Floats | None]:
+        now = WerlingMeasured(*(at[name] for name in self.needs[:5]))
+        # What entered the actuator, not what was asked for: the environment clips.
+        last = at["steering_command"]
+        queue = advance_queue(queue_of(memory, fresh, at["steering_angle"]), last)
+        part = self.tuning.part(now.v)
+        # As in the blend, rows that have no use for the prediction show it a harmless state.
+        moves = part > 0.0
+        start = now._replace(
+            beta=np.where(moves, now.beta, 0.0), r=np.where(moves, now.r, 0.0), v=np.maximum(now.v, self.tuning.slow)
+        )
+        kappas = np.stack([self._curvature(at, np.full_like(last, time)) for time in self._times], axis=1)
+        queued, held = np.repeat(queue, self._pieces, axis=1), np.repeat(last[:, None], self._held, axis=1)
+        then, steer = predict(self._car, self._queued, start, at["steering_angle"], queued, kappas[:, : -self._held])
+        then, _ = predict(self._car, self._answer, then, steer, held, kappas[:, -self._held :])
+        seen = WerlingMeasured(*(np.where(moves, x + part * (y - x), x) for x, y in zip(now, then, strict=True)))
+        kappa, early = self._curvature(at, part * self._late), self._curvature(at, np.full_like(last, self._late))
+        steer, _ = blended_steering(self._car, self.tuning, seen, np.ones_like(kappa), kappa, early=early)
+        return steer, queue if self.memory else None

@@ -10,7 +10,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import clip, larger, like, smaller
+from lanekeep_env.physics.numeric import clip, larger, like
 from lanekeep_env.physics.parameters import GRAVITY
 
 #: Below this speed a car stands, m/s.
@@ -62,7 +62,8 @@ def choose_gear(v, drive):
 def pull(i, lanes, settings, drive):
     """Advance pedal, gearbox and brake of lane i by a sub-step and write its longitudinal acceleration, m/s².
 
-    The car does not roll backwards: whoever stands on a slope is held.
+    The car does not roll backwards: whoever stands on a slope is held. All four wheels are taken to drive, and what
+    they give along leaves what they give across alone.
     """
     h = settings[at.STEP_TIME]
     zero, one = like(h, 0.0), like(h, 1.0)
@@ -90,12 +91,11 @@ def pull(i, lanes, settings, drive):
     # On the slipping converter a closed throttle does not drag: the car creeps.
     torque = larger(torque, zero) if v * ratio < drive[at.D_IDLE] else torque
     drives = zero if interrupted else torque * ratio * drive[at.D_EFFICIENCY] / mass
-    drives += creep(v, drive) if gear == 0 else zero
-    # The tyres give no more than their friction, in either direction.
+    drives += creep(v, drive)
+    # Engine and brake together get no more out of the tyres than their friction, in either direction.
     grip = (lanes[at.CAR + 6, i] + lanes[at.CAR + 7, i]) / mass
-    drives = clip(drives, -grip, grip) - like(h, GRAVITY) * lanes[at.SLOPE, i]
-    holds = smaller(lanes[at.BRAKE, i] * drive[at.D_BRAKE], grip) + resistance(v, lanes[at.WIND, i], drive, mass)
-    free = drives - holds
+    drives = clip(drives - lanes[at.BRAKE, i] * drive[at.D_BRAKE], -grip, grip)
+    free = drives - like(h, GRAVITY) * lanes[at.SLOPE, i] - resistance(v, lanes[at.WIND, i], drive, mass)
     standing = v < like(h, STANDS)
     # A car that stops within the sub-step stands at its end, whatever rounding leaves of it.
     stop = -v / h * like(h, 1.0 + 1e-6)

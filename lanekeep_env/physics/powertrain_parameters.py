@@ -29,11 +29,13 @@ class Powertrain:
         wheel_radius: m.
         drag_area: air drag coefficient times frontal area, m².
         rolling: resistance over weight.
-        creep: acceleration at standstill with released pedals, m/s², falling to none at ``creep_speed`` (m/s).
+        creep: acceleration at standstill with released pedals, m/s², falling to none at ``creep_speed`` (m/s), in every
+            gear: were it the first one's alone, the car would jerk as it shifts down before it stops.
         brake: deceleration of the full brake, m/s².
         pedal_lag: of throttle and brake, s.
         upshift, upshift_throttle: engine speed at which the gearbox shifts up, rad/s, and what full throttle adds.
-        downshift, downshift_throttle: the same down.
+        downshift, downshift_throttle: the same down; low enough that a car in need of more throttle in the next gear up
+            does not fall back at once.
         shift_time: without torque, s.
         hold_time: from one gear change to the next at least, s.
     """
@@ -57,17 +59,17 @@ class Powertrain:
     pedal_lag: float = 0.1
     upshift: float = 105.0
     upshift_throttle: float = 95.0
-    downshift: float = 60.0
-    downshift_throttle: float = 50.0
+    downshift: float = 50.0
+    downshift_throttle: float = 30.0
     shift_time: float = 0.25
     hold_time: float = 0.8
 
     def __post_init__(self) -> None:
         if not isinstance(self.gears, tuple | list) or not 1 <= len(self.gears) <= at.GEARS_MOST:
             raise ValueError(f"powertrain.gears={self.gears!r} is not allowed: 1 to {at.GEARS_MOST} ratios")
-        object.__setattr__(self, "gears", tuple(float(ratio) for ratio in self.gears))
         for ratio in self.gears:
             require("powertrain.gears", ratio, "", above=0.0)
+        object.__setattr__(self, "gears", tuple(float(ratio) for ratio in self.gears))
         if any(after >= before for before, after in zip(self.gears[:-1], self.gears[1:], strict=True)):
             raise ValueError(f"powertrain.gears={self.gears!r} is not allowed: the ratios must fall")
         positive = ("peak_torque", "peak_speed", "torque_width", "idle_speed", "final_drive", "efficiency")
@@ -76,6 +78,8 @@ class Powertrain:
         others = ("drag_torque", "drag_slope", "drag_area", "rolling", "creep", "pedal_lag", "upshift_throttle")
         for name in (*others, "downshift_throttle", "shift_time"):
             require(f"powertrain.{name}", getattr(self, name), "", at_least=0.0)
+        require("powertrain.efficiency", self.efficiency, "", at_most=1.0)
+        require("powertrain.downshift", self.downshift, "rad/s", at_most=self.upshift)
         require("powertrain.hold_time", self.hold_time, "s", at_least=self.shift_time)
         plain_numbers(self)
 

@@ -14,16 +14,19 @@ from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.physics.powertrain_parameters import Powertrain, powertrain_from
 from lanekeep_env.roads import RandomRoads, RoadSpec, SpeedSpec, speed_from
 from lanekeep_env.scenario.base import Channel
+from lanekeep_env.scenario.evasive import read_sensors
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario
 
-#: Kinds of events and how many numbers follow time and kind.
-EVENTS = {
-    "speed": (at.SPEED_EVENT, 1),
-    "lead": (at.LEAD_EVENT, 2),
-    "lead_gone": (at.LEAD_GONE, 0),
-    "stop": (at.STOP_EVENT, 1),
-    "stop_gone": (at.STOP_GONE, 0),
+#: Kinds of events and the units of the numbers that follow time and kind.
+EVENTS: dict[str, tuple[int, tuple[str, ...]]] = {
+    "speed": (at.SPEED_EVENT, ("m/s",)),
+    "lead": (at.LEAD_EVENT, ("m", "m/s")),
+    "lead_gone": (at.LEAD_GONE, ()),
+    "stop": (at.STOP_EVENT, ("m",)),
+    "stop_gone": (at.STOP_GONE, ()),
 }
+#: The largest of them: what stands as far as `layout.FAR` is not there, and speeds are observed up to 100 m/s.
+LARGEST = {"m": at.FAR - 1.0, "m/s": 100.0}
 Event = tuple[float, str, tuple[float, ...]]
 
 
@@ -34,7 +37,7 @@ class Traffic:
     Attributes:
         events: (time in s, kind, numbers ...) in order of time, or none for random timelines. Kinds: "speed" (m/s; the
             one at 0 s is also the car's speed at the start), "lead" (gap in m, speed in m/s of a car ahead),
-            "lead_gone", "stop" (distance of a stop point in m), "stop_gone".
+            "lead_gone", "stop" (distance of a stop point in m), "stop_gone"; up to 199 m and 100 m/s.
         count: random timelines in the set; an episode's key chooses one.
         duration: of each of them, s.
         largest_speed: m/s, 30 at the most: who sees 200 m cannot stop from more with 3 m/s².
@@ -48,6 +51,8 @@ class Traffic:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        if not isinstance(self.events, tuple | list):
+            raise ValueError(f"traffic.events={self.events!r} is not allowed: a list of (time, kind, numbers ...)")
         object.__setattr__(self, "events", tuple(self._event(event) for event in self.events))
         times = [event[0] for event in self.events]
         if times != sorted(times):
@@ -68,10 +73,11 @@ class Traffic:
         numbers = [one for number in numbers for one in (number if isinstance(number, list | tuple) else [number])]
         require("traffic.events time", time, "s", at_least=0.0)
         choose("traffic.events kind", kind, EVENTS)
-        if len(numbers) != EVENTS[kind][1]:
-            raise ValueError(f"traffic.events: {kind!r} takes {EVENTS[kind][1]} numbers, not {numbers!r}")
-        for number in numbers:
-            require(f"traffic.events {kind}", number, "", at_least=0.0, at_most=at.FAR)
+        units = EVENTS[kind][1]
+        if len(numbers) != len(units):
+            raise ValueError(f"traffic.events: {kind!r} takes {len(units)} numbers, not {numbers!r}")
+        for number, unit in zip(numbers, units, strict=True):
+            require(f"traffic.events {kind}", number, unit, at_least=0.0, at_most=LARGEST[unit])
         return float(time), str(kind), tuple(float(number) for number in numbers)
 
     def build(self) -> np.ndarray:
@@ -178,6 +184,7 @@ class DriveScenario(LaneKeepScenario):
 
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
         **LaneKeepScenario._readers,
+        "sensors": read_sensors,
         "powertrain": powertrain_from,
         "traffic": traffic_from,
         "slope": _slope_from,

@@ -14,7 +14,10 @@ from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads import EvasiveRoads, ParkingPaths, RoadSpec, SetSpeeds, SpeedSpec, set_speeds_from, speed_from
 from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering_channels
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario
-from lanekeep_env.sensing.faults import MEASURED_CHANNELS, SENSOR_SETS, sensors_from
+from lanekeep_env.sensing.faults import MANOEUVRE_SENSOR_SETS, MEASURED_CHANNELS, sensors_from
+
+#: Reads the sensors of cars that are driven at 50 Hz.
+read_sensors = partial(sensors_from, channels=MEASURED_CHANNELS, sets=MANOEUVRE_SENSOR_SETS)
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,8 @@ class EvasiveScenario(LaneKeepScenario):
     tyre: str = "magic_formula"
     preview: int = 11
     view: ClassVar[float] = 80.0
+
+    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {**LaneKeepScenario._readers, "sensors": read_sensors}
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,7 @@ class ReversePathScenario(RoadScenario):
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
         **RoadScenario._readers,
         "speed": set_speeds_from,
-        "sensors": partial(sensors_from, channels=MEASURED_CHANNELS, sets=SENSOR_SETS),
+        "sensors": read_sensors,
     }
 
     def _check(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
@@ -86,6 +86,17 @@ SENSOR_SETS: dict[str, dict[str, Sensor]] = {
         "speed": Sensor(noise=0.2, bias=0.2),
         "steering_angle": Sensor(noise=0.0005, bias=0.002, resolution=0.0005),
     },
+}
+
+_LATERAL, _HEADING = (SENSOR_SETS["production"][name] for name in ("lateral_error", "heading_error"))
+#: The same for manoeuvres at 50 Hz: production sensors give every second step a sample.
+MANOEUVRE_SENSOR_SETS: dict[str, dict[str, Sensor]] = {
+    "production": {
+        **SENSOR_SETS["production"],
+        "lateral_error": replace(_LATERAL, period=0.04, delay=0.04),
+        "heading_error": replace(_HEADING, period=0.04, delay=0.04),
+    },
+    "poor": SENSOR_SETS["poor"],
 }
 
 #: The same for guidance by camera: image processing at 12.5 and 8 pictures a second.

@@ -10,9 +10,11 @@ import lanekeep_baselines
 from lanekeep_env import DriveScenario, EvasiveScenario, LaneKeepScenario, ReversePathScenario
 
 FIGURE_10 = [(0, "speed", 0), (4, "speed", 10), (15, "lead", 35, 7.5), (30, "lead_gone"), (37, "stop", 30)]
+LATE = {"base": "passat", "steering": {"lag": 0.05, "delay": 0.1, "angle_limit": 0.6}}
 SCENARIOS = {
     "werling-lateral": EvasiveScenario(),
     "werling-lateral-ahead": EvasiveScenario(),
+    "werling-lateral-predictor": EvasiveScenario(vehicle=LATE),
     "werling-reverse": ReversePathScenario(),
     "werling-reverse-ahead": ReversePathScenario(),
     "werling-drive": DriveScenario(),
@@ -80,9 +82,9 @@ def test_figure_10_is_driven_with_pedals_and_gears() -> None:
     stands = time[np.argmax((time > 38.0) & (v < 1e-6))]
     assert stands == pytest.approx(45.0, abs=0.4)
     assert abs(run["stop_gap"][-1]) < 0.02 and v[-1] < 1e-6
-    # The last three seconds, but for the change into the first gear, which interrupts the torque.
-    changes = np.convolve(np.abs(np.diff(run["gear"], prepend=0.0)), np.ones(40), "same") > 0.0
-    last = (time > 42.0) & (time < 46.0) & ~changes
+    # The last three seconds, with the change into the first gear.
+    last = (time > 42.0) & (time < 46.0)
+    assert run["gear"][time < 42.0][-1] == 1.0 and run["gear"][-1] == 0.0
     smooth = np.convolve(run["acceleration"], np.full(10, 0.1), "same")
     assert np.abs(np.gradient(smooth, 0.02)[last]).max() < 2.5
 
@@ -94,6 +96,18 @@ def test_slope_and_wind_are_made_good(slope: float, wind: float) -> None:
     run = drive("Drive", "werling-drive", 2000, road="straight", traffic=events, slope=slope, wind=wind)
     assert run["speed"][900:990] == pytest.approx(8.0, abs=0.1)
     assert abs(run["stop_gap"][-1]) < 0.05 and run["speed"][-1] < 0.01
+
+
+@pytest.mark.parametrize(("slope", "speed"), [(0.02, 2.5), (0.1, 5.5)])
+def test_gears_come_to_rest_uphill(slope: float, speed: float) -> None:
+    run = drive("Drive", "werling-drive", 1000, road="straight", traffic=[(0, "speed", speed)], slope=slope, wind=0.0)
+    assert (np.diff(run["gear"][500:]) == 0.0).all()
+
+
+def test_an_engine_without_drag_that_gives_nothing_at_high_speed_is_driven_as_well() -> None:
+    engine = {"drag_torque": 0.0, "drag_slope": 0.0, "peak_speed": 200.0, "torque_width": 190.0}
+    run = drive("Drive", "werling-drive", 500, road="straight", traffic=[(0, "speed", 8)], powertrain=engine)
+    assert run["speed"][-50:] == pytest.approx(8.0, abs=0.1)
 
 
 @pytest.mark.parametrize("name", SCENARIOS)

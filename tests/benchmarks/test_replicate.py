@@ -204,15 +204,27 @@ def test_backwards_the_printed_accuracy_is_kept_with_the_assumed_lag_and_with_th
             assert float(printed) < 1.0
 
 
-def test_lag_and_delay_cost_accuracy_and_above_20_m_s_delay_loses_the_car(replicated):
+def test_lag_and_delay_cost_accuracy_and_above_20_m_s_delay_loses_the_car_without_the_predictor(replicated):
     rows = table_of(replicated("werling"), "What actuator")
-    peaks = {(loop, float(speed)): peak for loop, speed, _, peak, *_ in rows}
-    assert len(peaks) == 16
-    for (loop, speed), peak in peaks.items():
+    assert len(rows) == 16
+    for loop, speed, _, peak, _, ahead, _, predicted in rows:
         if "delay" in loop:
-            assert (peak == "lost") == (speed > 20.0)
+            assert ((peak, ahead) == ("lost", "lost")) == (float(speed) > 20.0)
         else:
             assert float(peak) < (5.0 if "ideal" in loop else 8.0)
+        assert float(predicted) < 5.0
+        if "lag" in loop and float(speed) > 10.0:
+            assert float(predicted) < 2.0
+            assert peak == "lost" or float(predicted) < 0.5 * float(peak)
+
+
+def test_the_predictor_stands_a_car_that_it_does_not_know_until_the_delay_is_twice_the_believed_one(replicated):
+    found = {car: peaks for car, *peaks in table_of(replicated("werling"), "does not know")}
+    lost = {car for car, peaks in found.items() if "lost" in peaks}
+    assert len(found) == 9 and lost == {"delay 220 ms"}
+    # No integrator: up to 0.4 g times a fifth, over omega² = 1, is 0.8 m.
+    for sign in "-+":
+        assert all(float(peak) < 80.0 for peak in found[f"mass {sign}20 %"])
 
 
 def test_a_jump_costs_accuracy_only_briefly_up_to_where_the_tyres_have_nothing_left(replicated):

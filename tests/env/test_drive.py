@@ -81,8 +81,7 @@ class Second:
         if self.since < p.shift_time - 1e-9:
             force = 0.0
         a = force / self.mass - G * math.sin(self.slope)
-        if self.gear == 0:
-            a += p.creep * min(max(1 - self.v / p.creep_speed, 0.0), 1.0)
+        a += p.creep * min(max(1 - self.v / p.creep_speed, 0.0), 1.0)
         air = self.v + self.wind
         a -= p.brake * self.brake + 0.6 * p.drag_area * air * abs(air) / self.mass + p.rolling * G
         stands = self.v < 1e-3 and a <= 0.0
@@ -150,6 +149,15 @@ def test_full_brake_decelerates_with_its_number_and_the_resistances_until_the_ca
     assert env.step(np.array([0.0, -1.0], np.float32))[4]["arc_length"] == before
 
 
+@pytest.mark.parametrize(("speed", "pedal", "sign"), [(20.0, -1.0, -1.0), (3.0, -1.0, -1.0), (1.0, 1.0, 1.0)])
+def test_tyres_give_engine_and_brake_together_no_more_than_their_friction(speed, pedal, sign):
+    env = make(speed, friction=0.2, slope=0.05, powertrain={"pedal_lag": 0.0})
+    got = drive(env, np.full(60, pedal))
+    v = got[:-1, 0]
+    others = TRAIN.rolling * G + 0.6 * TRAIN.drag_area * v**2 / CAR.mass + G * math.sin(0.05)
+    np.testing.assert_allclose(got[1:, 1], sign * 0.2 * G - others, rtol=1e-9)
+
+
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 def test_a_car_that_rolls_out_stands_still_in_the_end(dtype):
     for speed in np.linspace(0.3, 0.4, 9):
@@ -209,6 +217,15 @@ def test_slowing_down_shifts_down_in_order_to_the_first():
     changes = np.flatnonzero(np.diff(gears)) + 1
     np.testing.assert_array_equal(gears[changes], np.arange(4, -1, -1))
     assert np.diff(changes).min() >= 80
+
+
+@pytest.mark.parametrize("throttle", np.linspace(0.0, 1.0, 11))
+def test_after_a_change_up_the_same_force_does_not_ask_for_the_gear_below(throttle):
+    """At a tenth less speed even: the car slows down while the torque is interrupted."""
+    for below, above in zip(TRAIN.gears[:-1], TRAIN.gears[1:], strict=True):
+        after = 0.9 * (TRAIN.upshift + TRAIN.upshift_throttle * throttle) * above / below
+        needed = min(throttle * below / above, 1.0)
+        assert after > TRAIN.downshift + TRAIN.downshift_throttle * needed
 
 
 @pytest.mark.parametrize("start", [3.0, 15.0, 30.0])
@@ -416,13 +433,21 @@ def test_slope_and_wind_are_drawn_within_their_bounds():
         ({"traffic": [(0, "stop", 5)]}, ["traffic.events", "begin"]),
         ({"traffic": [(0, "speed", -5)]}, ["traffic.events speed", "-5"]),
         ({"traffic": [(0, "speed", math.nan)]}, ["traffic.events speed", "nan"]),
+        ({"traffic": [(0, "speed", 150)]}, ["traffic.events speed=150", "<= 100.0 m/s"]),
+        ({"traffic": [(0, "speed", 5), (1, "lead", 200, 5)]}, ["traffic.events lead=200", "<= 199.0 m"]),
+        ({"traffic": [(0, "speed", 5), (1, "lead", 30, 101)]}, ["traffic.events lead=101", "<= 100.0 m/s"]),
+        ({"traffic": [(0, "speed", 5), (1, "stop", 200)]}, ["traffic.events stop=200", "<= 199.0 m"]),
         ({"traffic": [3]}, ["traffic.events", "3"]),
+        ({"traffic": {"events": 5}}, ["traffic.events=5", "list"]),
         ({"traffic": "rush hour"}, ["traffic=", "rush hour"]),
         ({"traffic": {"largest_speed": 31.0}}, ["traffic.largest_speed=31.0", "<= 30"]),
         ({"powertrain": {"gears": (2.0, 3.0)}}, ["powertrain.gears", "fall"]),
+        ({"powertrain": {"gears": ("low", 2.0)}}, ["powertrain.gears", "low"]),
         ({"powertrain": {"gears": ()}}, ["powertrain.gears", "1 to 8"]),
         ({"powertrain": {"gears": (3.0, 0.0)}}, ["powertrain.gears", "> 0"]),
         ({"powertrain": {"hold_time": 0.1}}, ["powertrain.hold_time=0.1", "0.25"]),
+        ({"powertrain": {"efficiency": 1.1}}, ["powertrain.efficiency=1.1", "<= 1"]),
+        ({"powertrain": {"downshift": 110.0}}, ["powertrain.downshift=110.0", "<= 105"]),
         ({"powertrain": {"brakes": 3.0}}, ["brakes", "brake"]),
         ({"powertrain": "tesla"}, ["powertrain='tesla'", "passat"]),
         ({"slope": 0.5}, ["slope=0.5", "0.3"]),

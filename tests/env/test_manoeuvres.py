@@ -201,3 +201,13 @@ def test_a_reverse_episode_starts_at_the_end_of_its_path():
     assert (info["speed"] <= -0.5).all() and (info["speed"] >= -1.5).all() and np.ptp(info["speed"]) > 0.95
     assert np.abs(info["lateral_error"]).max() <= 0.2
     assert np.abs(info["heading_error"]).max() <= math.radians(3.0)
+
+
+@pytest.mark.parametrize(("sensors", "every"), [("production", 2), ("poor", 5)])
+@pytest.mark.parametrize("task", ["Evasive", "ReversePath", "Drive"])
+def test_the_named_sensors_work_at_the_control_step_of_manoeuvres(task, sensors, every):
+    env = gym.make(f"lanekeep/{task}-v0", sensors=sensors)
+    column = [channel.name for channel in env.unwrapped.channels].index("heading_error_new")
+    env.reset(seed=0)
+    flags = [env.step(np.zeros(env.action_space.shape, dtype=np.float32))[0][column] for _ in range(10)]
+    assert sum(flags) <= 10 / every and (sensors == "poor" or sum(flags) == 5)
