@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import shlex
 import time
@@ -34,7 +33,6 @@ from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.training.rewards import LearnersRewards
 from lanekeep_agents.training.settings import TrainingSettings, settings_for
 from lanekeep_agents.vec_env import LaneVecEnv
-from lanekeep_env.checks import choose
 from lanekeep_env.files import write_atomic
 
 SETTINGS, CHECKPOINT, EVALUATIONS = "settings.json", "checkpoint.npz", "evaluations.csv"
@@ -43,9 +41,6 @@ Report = Callable[[int, str], None]
 
 _ALGORITHMS: dict[str, type[PPO] | type[SAC] | type[TD3]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
 _ABSENT = object()
-#: Arguments of the algorithms that other settings give, or that a checkpoint does not keep.
-_OWN = {"policy", "env", "learning_rate", "gamma", "seed", "device", "policy_kwargs", "action_noise"}
-_OWN |= {"rollout_buffer_class", "replay_buffer_class", "optimize_memory_usage", "_init_setup_model"}
 _ACTIVATIONS = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
 
 
@@ -86,7 +81,10 @@ def run(
     torch.set_num_threads(threads)
     started = time.perf_counter()
     keywords = {"dtype": "float32", **settings.env}
-    lanes = LaneVecEnv(settings.env_id, settings.num_envs, **keywords)
+    try:
+        lanes = LaneVecEnv(settings.env_id, settings.num_envs, **keywords)
+    except TypeError as error:
+        raise ValueError(f"env: {error}") from error
     scenario = lanes.env.unwrapped.scenario  # type: ignore[attr-defined]
     inner = lanes if settings.base is None else Corrections(lanes, scenario, settings.base, settings.bound or 0.0)
     largest = scenario.largest_cost * scenario.control_step
@@ -96,11 +94,11 @@ def run(
     held_out = HeldOut(settings.env_id, keywords, settings.evaluation_episodes, settings.seed_of("evaluation"))
     teacher = None if settings.imitate is None else lanekeep_baselines.make(settings.imitate, scenario)
     if not resume:  # only now: what does not fit the environment is known before another run is replaced
-        _claim(folder, record)
+        _claim(folder, record, policy_name(settings))
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     course = _Course(settings, folder, env, rewards, held_out, scenario, started, checkpoint_seconds, report)
     if resume and (folder / CHECKPOINT).exists():
-        course.take_up(*read_checkpoint(folder / CHECKPOINT, model, env))
+        course.take_up(*read_checkpoint(folder / CHECKPOINT, model, env, settings.to_dict()))
     elif teacher is not None:
         imitate(model, env, teacher, settings.gamma, settings.seed_of("imitation"))
     if model.num_timesteps < settings.steps:
@@ -127,11 +125,13 @@ def _check(settings: TrainingSettings, folder: Path, resume: bool, overwrite: bo
     return record
 
 
-def _claim(folder: Path, record: str) -> None:
+def _claim(folder: Path, record: str, name: str) -> None:
     """Make the folder this run's."""
     folder.mkdir(parents=True, exist_ok=True)
-    for old in (CHECKPOINT, EVALUATIONS):
+    for old in (CHECKPOINT, EVALUATIONS, f"{name}.json", f"{name}.safetensors"):
         (folder / old).unlink(missing_ok=True)
+    for events in (folder / "tensorboard").glob("events.out.tfevents.*"):
+        events.unlink()
     write_atomic(folder / SETTINGS, record.encode())
 
 
@@ -162,10 +162,6 @@ def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
         "net_arch": list(settings.hidden),
         "activation_fn": _ACTIVATIONS[settings.activation],
     }
-    kind = _ALGORITHMS[settings.algorithm]
-    allowed = sorted(set(inspect.signature(kind).parameters) - _OWN)
-    for name in settings.parameters:
-        choose("parameters", name, allowed)
     further = dict(settings.parameters)
     if settings.algorithm == "ppo":
         network["log_std_init"] = settings.log_std
@@ -173,7 +169,7 @@ def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
         shape = env.action_space.shape or ()
         further["action_noise"] = NormalActionNoise(np.zeros(shape), np.full(shape, settings.action_noise))
     try:
-        return kind(
+        return _ALGORITHMS[settings.algorithm](
             "MlpPolicy",
             env,
             learning_rate=lambda left: rate * (last + (1.0 - last) * left),
@@ -260,7 +256,7 @@ class _Course(BaseCallback):
 
     def _save(self) -> None:
         scores = [(steps, list(asdict(score).values())) for steps, score in self._scores]
-        notes = {"scores": scores, "seconds": self._seconds()}
+        notes = {"settings": self._settings.to_dict(), "scores": scores, "seconds": self._seconds()}
         write_checkpoint(self._folder / CHECKPOINT, self.model, self._env, notes, self._best)
         self._saved = time.perf_counter()
 
