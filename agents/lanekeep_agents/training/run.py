@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import stable_baselines3
 import torch
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -22,10 +21,10 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 import lanekeep_baselines
 import lanekeep_env
-from lanekeep_agents.export import export_sb3
+from lanekeep_agents.export import export_sb3, scenario_fields, versions
 from lanekeep_agents.learned import LearnedPolicy
 from lanekeep_agents.policy_file import read_policy, write_policy
-from lanekeep_agents.policy_record import InputChannel, PolicyRecord, Training
+from lanekeep_agents.policy_record import PolicyRecord, Training
 from lanekeep_agents.training.checkpoint import Arrays, read_checkpoint, write_checkpoint
 from lanekeep_agents.training.evaluation import HeldOut, Score
 from lanekeep_agents.training.imitation import imitate
@@ -279,7 +278,7 @@ class _Course(BaseCallback):
         """What the policy file says, of the best policy so far."""
         if not hasattr(self, "_network"):
             self._network, self._normalisation, _ = export_sb3(self.model, self._env)
-        settings, s = self._settings, self._scenario
+        settings = self._settings
         seconds = self._seconds()
         scores: dict[str, Any] = {}
         if self._scores:
@@ -289,14 +288,6 @@ class _Course(BaseCallback):
             name=policy_name(settings),
             algorithm=settings.algorithm.upper(),
             env_id=settings.env_id,
-            scenario=s.to_dict(),
-            scenario_hash=s.hash,
-            channels=tuple(InputChannel(c.name, c.unit, c.description) for c in s.channels),
-            actions=s.num_actions,
-            action=s.action,
-            max_steering_angle=s.max_steering_angle,
-            max_steering_rate=s.max_steering_rate,
-            control_step=s.control_step,
             network=self._network,
             normalisation=self._normalisation,
             training=Training(
@@ -305,16 +296,12 @@ class _Course(BaseCallback):
                 seed=settings.seed,
                 steps=settings.steps,
                 seconds=round(seconds["total"], 1),
-                versions={
-                    "lanekeep": lanekeep_env.__version__,
-                    "stable-baselines3": stable_baselines3.__version__,
-                    "torch": str(torch.__version__),
-                    "numpy": np.__version__,
-                },
+                versions=versions(),
                 scores=scores,
             ),
             base=settings.base,
             bound=settings.bound,
+            **scenario_fields(self._scenario),
         )
 
 
