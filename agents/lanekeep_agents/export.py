@@ -74,6 +74,7 @@ def save_sb3(path: str | Path, model: Any, overwrite: bool = False) -> PolicyRec
         ),
         **scenario_fields(vector.scenario),
     )
+    Path(path).parent.mkdir(parents=True, exist_ok=True)  # nobody wants to train again for a missing folder
     return write_policy(path, record, tensors, overwrite)
 
 

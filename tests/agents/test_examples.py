@@ -41,17 +41,18 @@ def test_a_saved_model_acts_as_it_did(normalised, tmp_path):
     env = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 4, preview=3, friction=0.9)
     env = VecNormalize(env) if normalised else env
     model = PPO("MlpPolicy", env, n_steps=16, batch_size=32, n_epochs=1, seed=3, device="cpu").learn(128)
-    record = lanekeep_agents.save(tmp_path / "mine.json", model)
+    file = tmp_path / "new" / "mine.json"
+    record = lanekeep_agents.save(file, model)
     assert (record.name, record.algorithm, record.env_id) == ("mine", "PPO", "lanekeep/LaneKeep-v0")
     assert (record.training.seed, record.training.steps) == (3, 128)
     single = gym.make("lanekeep/LaneKeep-v0", preview=3, friction=0.9)
     assert record.scenario_hash == single.unwrapped.scenario.hash
     rows = np.stack([single.reset(seed=seed)[0] for seed in range(20)])
     wanted, _ = model.predict(env.normalize_obs(rows) if normalised else rows, deterministic=True)
-    found, _ = lanekeep_agents.load(tmp_path / "mine.json", single.unwrapped.scenario).predict(rows)
+    found, _ = lanekeep_agents.load(file, single.unwrapped.scenario).predict(rows)
     np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-5)
     with pytest.raises(ValueError, match="exists"):
-        lanekeep_agents.save(tmp_path / "mine.json", model)
+        lanekeep_agents.save(file, model)
 
 
 def test_a_model_of_other_environments_is_not_saved(tmp_path):
