@@ -91,6 +91,10 @@ class TrainingSettings:
         for name in self.env:
             if name in _OWN_KEYWORDS:
                 raise ValueError(f"env.{name} is not allowed: training sets it itself")
+        try:
+            json.dumps(dict(self.env))
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"env={self.env!r} is not allowed: a record must hold it as JSON ({error})") from None
         object.__setattr__(self, "parameters", check_parameters(self.algorithm, self.parameters))
         choose("activation", self.activation, ("relu", "tanh"))
         require("gamma", self.gamma, "", above=0.0, at_most=0.9999)
