@@ -2,7 +2,7 @@
 
 `load` gives a trained policy with the interface of the classical ones, run by numpy alone; `names` lists those that
 are shipped; `train` trains one. `sb3_vec_env` gives Stable-Baselines3 the compiled vector environment without a Python
-loop over lanes.
+loop over lanes; `save` writes the policy of a model that was trained on it.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from lanekeep_env.checks import nearest
 if TYPE_CHECKING:
     from lanekeep_agents.binding import Scenario
     from lanekeep_agents.learned import LearnedPolicy
+    from lanekeep_agents.policy_record import PolicyRecord
     from lanekeep_agents.vec_env import LaneVecEnv
 
-__all__ = ["load", "names", "sb3_vec_env", "train"]
+__all__ = ["load", "names", "save", "sb3_vec_env", "train"]
 
 
 def names(scenario: Scenario | None = None) -> tuple[str, ...]:
@@ -89,6 +90,23 @@ def sb3_vec_env(env_id: str, num_envs: int, **keywords: Any) -> LaneVecEnv:
     with _extra():
         from lanekeep_agents.vec_env import LaneVecEnv
     return LaneVecEnv(env_id, num_envs, **keywords)
+
+
+def save(path: str | Path, model: Any, overwrite: bool = False) -> PolicyRecord:
+    """Write the policy of a Stable-Baselines3 model as a pair of files that `load` reads; return its record.
+
+    Args:
+        path: of the .json or the .safetensors file; its stem is the policy's name.
+        model: PPO, SAC or TD3 with "MlpPolicy" on `sb3_vec_env`, in ``VecNormalize`` or not; it acts deterministically.
+        overwrite: replace what is there.
+
+    Raises:
+        ValueError: one of the files exists and ``overwrite`` is not set, or a model that no policy file can hold.
+        ImportError: Stable-Baselines3 is not installed; names the extra that brings it.
+    """
+    with _extra():
+        from lanekeep_agents.export import save_sb3
+    return save_sb3(path, model, overwrite)
 
 
 def train(

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
+import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import stable_baselines3
+import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
-from lanekeep_agents.policy_record import Network, Normalisation
+import lanekeep_env
+from lanekeep_agents.policy_file import write_policy
+from lanekeep_agents.policy_record import InputChannel, Network, Normalisation, PolicyRecord, Training
+from lanekeep_agents.vec_env import LaneVecEnv
 
 _ACTIVATIONS: dict[type[Any], str] = {nn.ReLU: "relu", nn.Tanh: "tanh"}
 
@@ -38,6 +47,59 @@ def export_sb3(model: Any, vec_normalize: Any = None) -> tuple[Network, Normalis
         tensors[f"layers.{i}.bias"] = _float32(layer.bias.detach().cpu().numpy())
     hidden = tuple(layer.out_features for layer in dense[:-1])
     return Network(hidden, activation, squash), normalisation, tensors
+
+
+def save_sb3(path: str | Path, model: Any, overwrite: bool = False) -> PolicyRecord:
+    """Write the policy file of a model that was trained on a `LaneVecEnv`; see `lanekeep_agents.save`."""
+    env = model.get_env()
+    lanes = None if env is None else env.unwrapped
+    if not isinstance(lanes, LaneVecEnv):
+        raise ValueError(f"env={env!r} is not allowed: the model must have been trained on sb3_vec_env(...)")
+    vector: Any = lanes.env.unwrapped
+    network, normalisation, tensors = export_sb3(model, model.get_vec_normalize_env())
+    record = PolicyRecord(
+        name=Path(path).stem,
+        algorithm=type(model).__name__,
+        env_id=vector.spec.id,
+        network=network,
+        normalisation=normalisation,
+        training=Training(
+            command=shlex.join(["python", *sys.argv]),
+            hyperparameters={"gamma": model.gamma, "num_envs": model.n_envs},
+            seed=model.seed or 0,
+            steps=model.num_timesteps,
+            seconds=round((time.time_ns() - model.start_time) / 1e9, 1) if model.num_timesteps else 0.0,
+            versions=versions(),
+            scores={},
+        ),
+        **scenario_fields(vector.scenario),
+    )
+    Path(path).parent.mkdir(parents=True, exist_ok=True)  # nobody wants to train again for a missing folder
+    return write_policy(path, record, tensors, overwrite)
+
+
+def scenario_fields(scenario: Any) -> dict[str, Any]:
+    """What a policy's record says of the scenario that it was trained on."""
+    return {
+        "scenario": scenario.to_dict(),
+        "scenario_hash": scenario.hash,
+        "channels": tuple(InputChannel(c.name, c.unit, c.description) for c in scenario.channels),
+        "actions": scenario.num_actions,
+        "action": scenario.action,
+        "max_steering_angle": scenario.max_steering_angle,
+        "max_steering_rate": scenario.max_steering_rate,
+        "control_step": scenario.control_step,
+    }
+
+
+def versions() -> dict[str, str]:
+    """Of the packages that train."""
+    return {
+        "lanekeep": lanekeep_env.__version__,
+        "stable-baselines3": stable_baselines3.__version__,
+        "torch": str(torch.__version__),
+        "numpy": np.__version__,
+    }
 
 
 def _actor(policy: Any) -> tuple[nn.Module, list[nn.Module], bool]:

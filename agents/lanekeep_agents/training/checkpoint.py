@@ -38,7 +38,7 @@ def write_checkpoint(
     Args:
         path: of the file, written atomically.
         model, env: the algorithm and its environment.
-        notes: what else there is to keep, JSON-able.
+        notes: what else there is to keep, JSON-able; its "settings" say which run it is.
         best: tensors of the best policy so far.
     """
     arrays: Arrays = {f"best.{name}": tensor for name, tensor in best.items()}
@@ -62,8 +62,15 @@ def write_checkpoint(
     write_atomic(path, content.getvalue())
 
 
-def read_checkpoint(path: Path, model: BaseAlgorithm, env: VecNormalize) -> tuple[dict[str, Any], Arrays]:
+def read_checkpoint(
+    path: Path, model: BaseAlgorithm, env: VecNormalize, settings: Mapping[str, Any]
+) -> tuple[dict[str, Any], Arrays]:
     """Bring a fresh model and its environment to where `write_checkpoint` left them; return the notes and the best.
+
+    Args:
+        path: of the file.
+        model, env: the algorithm and its environment.
+        settings: of the run, which the notes must have.
 
     Raises:
         ValueError: the file is not a checkpoint, or one of another run.
@@ -72,6 +79,8 @@ def read_checkpoint(path: Path, model: BaseAlgorithm, env: VecNormalize) -> tupl
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         numbers = json.loads(str(arrays["numbers"]))
+        if numbers["notes"]["settings"] != json.loads(json.dumps(settings)):  # tuples are lists there
+            raise ValueError("it is of other settings")
         _restore(model, env, arrays, numbers)
     except Exception as error:  # zipfile, numpy and torch raise errors of many kinds
         raise ValueError(f"{path} is not a checkpoint of this run: {error}") from None
@@ -84,9 +93,11 @@ def _restore(model: BaseAlgorithm, env: VecNormalize, arrays: Arrays, numbers: d
         part.set_state(_under(name, arrays))
     mean, variance, count = (arrays[f"normalisation.{key}"] for key in ("mean", "variance", "count"))
     statistics = statistics_of(env)
+    if not mean.shape == variance.shape == statistics.mean.shape:
+        raise ValueError(f"normalisation has shape {mean.shape}, allowed: {statistics.mean.shape}")
     statistics.mean, statistics.var, statistics.count = mean, variance, float(count)
     for name in _COUNTS:
-        setattr(model, name, numbers["counts"][name])
+        setattr(model, name, type(getattr(model, name))(numbers["counts"][name]))
     for name in _SEEN:
         if f"seen.{name}" in arrays:
             setattr(model, name, arrays[f"seen.{name}"])

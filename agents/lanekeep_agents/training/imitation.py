@@ -13,7 +13,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 from lanekeep_agents.training.checkpoint import statistics_of
 
 #: Steps of every lane, epochs over them, rows of a batch, learning rate.
-STEPS, EPOCHS, BATCH, RATE = 400, 20, 2048, 1e-3
+STEPS, EPOCHS, BATCH, RATE = 400, 20, 256, 3e-3
 #: Largest standard deviation of the noise on the actions driven: the teacher shows how it recovers.
 NOISE = 0.3
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import shlex
 import time
@@ -12,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import stable_baselines3
 import torch
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -23,10 +21,10 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 import lanekeep_baselines
 import lanekeep_env
-from lanekeep_agents.export import export_sb3
+from lanekeep_agents.export import export_sb3, scenario_fields, versions
 from lanekeep_agents.learned import LearnedPolicy
 from lanekeep_agents.policy_file import read_policy, write_policy
-from lanekeep_agents.policy_record import InputChannel, PolicyRecord, Training
+from lanekeep_agents.policy_record import PolicyRecord, Training
 from lanekeep_agents.training.checkpoint import Arrays, read_checkpoint, write_checkpoint
 from lanekeep_agents.training.evaluation import HeldOut, Score
 from lanekeep_agents.training.imitation import imitate
@@ -34,7 +32,6 @@ from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.training.rewards import LearnersRewards
 from lanekeep_agents.training.settings import TrainingSettings, settings_for
 from lanekeep_agents.vec_env import LaneVecEnv
-from lanekeep_env.checks import choose
 from lanekeep_env.files import write_atomic
 
 SETTINGS, CHECKPOINT, EVALUATIONS = "settings.json", "checkpoint.npz", "evaluations.csv"
@@ -43,9 +40,6 @@ Report = Callable[[int, str], None]
 
 _ALGORITHMS: dict[str, type[PPO] | type[SAC] | type[TD3]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
 _ABSENT = object()
-#: Arguments of the algorithms that other settings give, or that a checkpoint does not keep.
-_OWN = {"policy", "env", "learning_rate", "gamma", "seed", "device", "policy_kwargs", "action_noise"}
-_OWN |= {"rollout_buffer_class", "replay_buffer_class", "optimize_memory_usage", "_init_setup_model"}
 _ACTIVATIONS = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
 
 
@@ -86,7 +80,10 @@ def run(
     torch.set_num_threads(threads)
     started = time.perf_counter()
     keywords = {"dtype": "float32", **settings.env}
-    lanes = LaneVecEnv(settings.env_id, settings.num_envs, **keywords)
+    try:
+        lanes = LaneVecEnv(settings.env_id, settings.num_envs, **keywords)
+    except TypeError as error:
+        raise ValueError(f"env: {error}") from error
     scenario = lanes.env.unwrapped.scenario  # type: ignore[attr-defined]
     inner = lanes if settings.base is None else Corrections(lanes, scenario, settings.base, settings.bound or 0.0)
     largest = scenario.largest_cost * scenario.control_step
@@ -96,11 +93,11 @@ def run(
     held_out = HeldOut(settings.env_id, keywords, settings.evaluation_episodes, settings.seed_of("evaluation"))
     teacher = None if settings.imitate is None else lanekeep_baselines.make(settings.imitate, scenario)
     if not resume:  # only now: what does not fit the environment is known before another run is replaced
-        _claim(folder, record)
+        _claim(folder, record, policy_name(settings))
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     course = _Course(settings, folder, env, rewards, held_out, scenario, started, checkpoint_seconds, report)
     if resume and (folder / CHECKPOINT).exists():
-        course.take_up(*read_checkpoint(folder / CHECKPOINT, model, env))
+        course.take_up(*read_checkpoint(folder / CHECKPOINT, model, env, settings.to_dict()))
     elif teacher is not None:
         imitate(model, env, teacher, settings.gamma, settings.seed_of("imitation"))
     if model.num_timesteps < settings.steps:
@@ -127,11 +124,13 @@ def _check(settings: TrainingSettings, folder: Path, resume: bool, overwrite: bo
     return record
 
 
-def _claim(folder: Path, record: str) -> None:
+def _claim(folder: Path, record: str, name: str) -> None:
     """Make the folder this run's."""
     folder.mkdir(parents=True, exist_ok=True)
-    for old in (CHECKPOINT, EVALUATIONS):
+    for old in (CHECKPOINT, EVALUATIONS, f"{name}.json", f"{name}.safetensors"):
         (folder / old).unlink(missing_ok=True)
+    for events in (folder / "tensorboard").glob("events.out.tfevents.*"):
+        events.unlink()
     write_atomic(folder / SETTINGS, record.encode())
 
 
@@ -163,10 +162,6 @@ def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
         "net_arch": {"pi": list(settings.hidden), value: list(settings.critic)},
         "activation_fn": _ACTIVATIONS[settings.activation],
     }
-    kind = _ALGORITHMS[settings.algorithm]
-    allowed = sorted(set(inspect.signature(kind).parameters) - _OWN)
-    for name in settings.parameters:
-        choose("parameters", name, allowed)
     further = dict(settings.parameters)
     if settings.algorithm == "ppo":
         network["log_std_init"] = settings.log_std
@@ -174,7 +169,7 @@ def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
         shape = env.action_space.shape or ()
         further["action_noise"] = NormalActionNoise(np.zeros(shape), np.full(shape, settings.action_noise))
     try:
-        return kind(
+        return _ALGORITHMS[settings.algorithm](
             "MlpPolicy",
             env,
             learning_rate=lambda left: rate * (last + (1.0 - last) * left),
@@ -261,7 +256,7 @@ class _Course(BaseCallback):
 
     def _save(self) -> None:
         scores = [(steps, list(asdict(score).values())) for steps, score in self._scores]
-        notes = {"scores": scores, "seconds": self._seconds()}
+        notes = {"settings": self._settings.to_dict(), "scores": scores, "seconds": self._seconds()}
         write_checkpoint(self._folder / CHECKPOINT, self.model, self._env, notes, self._best)
         self._saved = time.perf_counter()
 
@@ -284,7 +279,7 @@ class _Course(BaseCallback):
         """What the policy file says, of the best policy so far."""
         if not hasattr(self, "_network"):
             self._network, self._normalisation, _ = export_sb3(self.model, self._env)
-        settings, s = self._settings, self._scenario
+        settings = self._settings
         seconds = self._seconds()
         scores: dict[str, Any] = {}
         if self._scores:
@@ -294,14 +289,6 @@ class _Course(BaseCallback):
             name=policy_name(settings),
             algorithm=settings.algorithm.upper(),
             env_id=settings.env_id,
-            scenario=s.to_dict(),
-            scenario_hash=s.hash,
-            channels=tuple(InputChannel(c.name, c.unit, c.description) for c in s.channels),
-            actions=s.num_actions,
-            action=s.action,
-            max_steering_angle=s.max_steering_angle,
-            max_steering_rate=s.max_steering_rate,
-            control_step=s.control_step,
             network=self._network,
             normalisation=self._normalisation,
             training=Training(
@@ -310,16 +297,12 @@ class _Course(BaseCallback):
                 seed=settings.seed,
                 steps=settings.steps,
                 seconds=round(seconds["total"], 1),
-                versions={
-                    "lanekeep": lanekeep_env.__version__,
-                    "stable-baselines3": stable_baselines3.__version__,
-                    "torch": str(torch.__version__),
-                    "numpy": np.__version__,
-                },
+                versions=versions(),
                 scores=scores,
             ),
             base=settings.base,
             bound=settings.bound,
+            **scenario_fields(self._scenario),
         )
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 
 import lanekeep_env
+from lanekeep_agents.training.parameters import check_parameters
 from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
 
 HYPERPARAMETERS = Path(__file__).parents[1] / "hyperparameters"
@@ -40,7 +41,7 @@ class TrainingSettings:
         activation: "relu" or "tanh".
         gamma: discount of a control step.
         learning_rate: at the start; it falls linearly to ``final_learning_rate`` times that.
-        parameters: further arguments of Stable-Baselines3's algorithm.
+        parameters: further arguments of Stable-Baselines3's algorithm (`parameters.py` has them).
         log_std: of the first actions' noise (PPO), natural logarithm.
         action_noise: standard deviation of the exploration (TD3).
         reward_scale: factor of the rewards, so that returns are of order one to a hundred.
@@ -91,6 +92,11 @@ class TrainingSettings:
         for name in self.env:
             if name in _OWN_KEYWORDS:
                 raise ValueError(f"env.{name} is not allowed: training sets it itself")
+        try:
+            json.dumps(dict(self.env))
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"env={self.env!r} is not allowed: a record must hold it as JSON ({error})") from None
+        object.__setattr__(self, "parameters", check_parameters(self.algorithm, self.parameters))
         choose("activation", self.activation, ("relu", "tanh"))
         require("gamma", self.gamma, "", above=0.0, at_most=0.9999)
         require("learning_rate", self.learning_rate, "", above=0.0)
@@ -146,7 +152,7 @@ def settings_for(
     entries = yaml.safe_load((HYPERPARAMETERS / f"{algorithm}.yaml").read_text())
     allowed = [f.name for f in fields(TrainingSettings)]
     values: dict[str, Any] = {"algorithm": algorithm, "env_id": env_id, "seed": seed}
-    asked = {name: value for name, value in changes.items() if value is not None}
+    asked = {name: value for name, value in changes.items() if value is not None or name not in _OPTIONS}
     if steps is not None:
         asked["steps"] = steps
     residual = entries.get("residual", {}) if asked.get("base") is not None else {}
