@@ -21,6 +21,7 @@ TINY = dict(
     steps=400,
     num_envs=4,
     hidden=[8],
+    critic=[8],
     evaluations=2,
     evaluation_episodes=2,
     env={"max_episode_steps": 100, "preview": 2},

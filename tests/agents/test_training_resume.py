@@ -26,6 +26,7 @@ COMMON = dict(
     steps=STEPS,
     num_envs=16,
     hidden=[16, 16],
+    critic=[16],
     evaluations=5,
     evaluation_episodes=4,
     env={"max_episode_steps": 70, "speed": 40.0, "sensors": {"yaw_rate": {"noise": 0.01}}},
