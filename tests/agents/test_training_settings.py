@@ -40,7 +40,8 @@ def test_every_entry_of_the_yaml_files_builds(algorithm, env_id):
 def test_an_entry_overrides_the_default_and_mappings_are_merged(tmp_path, monkeypatch):
     monkeypatch.setattr("lanekeep_agents.training.settings.HYPERPARAMETERS", tmp_path)
     (tmp_path / "ppo.yaml").write_text(
-        "default: {steps: 10, num_envs: 2, hidden: [4], critic: [4], gamma: 0.9, learning_rate: 0.1, parameters: {n_steps: 3}}\n"
+        "default: {steps: 10, num_envs: 2, hidden: [4], critic: [4], gamma: 0.9, learning_rate: 0.1,"
+        " parameters: {n_steps: 3}}\n"
         "residual: {log_std: -3.0, gamma: 0.8}\n"
         "lanekeep/Drive-v0: {gamma: 0.7, env: {slope: 0.1}, parameters: {n_epochs: 2}}\n"
     )
