@@ -21,6 +21,7 @@ from lanekeep_benchmarks.endings import Interrupted, disk_errors, input_errors, 
 from lanekeep_benchmarks.policies import FILE, check_policy
 from lanekeep_benchmarks.replications import WORKS
 from lanekeep_benchmarks.train_command import train
+from lanekeep_benchmarks.zoo import zoo
 from lanekeep_env.checks import choose
 from lanekeep_env.roads import road_from
 from lanekeep_env.walls import world_from
@@ -34,6 +35,7 @@ app = typer.Typer(
 )
 
 app.command()(train)
+app.command()(zoo)
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 
