@@ -221,6 +221,7 @@ SUITES: dict[str, Suite] = {
             name="walls",
             description="a 1:10 car at 1 m from the wall on its right, start within 0.3 m and 20 degrees",
             episodes=256,
+            learned=True,
             family="knightriders",
             scenarios=(
                 SuiteScenario(
@@ -263,6 +264,7 @@ SUITES: dict[str, Suite] = {
             name="circuit",
             description="a lap of random rectangular circuits, corridors of 1.2 to 3 m, at up to 2 m/s",
             episodes=100,
+            learned=True,
             scenarios=(
                 SuiteScenario(
                     "perfect",
@@ -287,6 +289,7 @@ SUITES: dict[str, Suite] = {
             name="manoeuvres",
             description="a full-size car: evasive paths at 55 km/h, tight paths backwards",
             episodes=128,
+            learned=True,
             scenarios=(
                 SuiteScenario(
                     "evasive",
@@ -312,6 +315,7 @@ SUITES: dict[str, Suite] = {
             name="reverse",
             description="backwards at walking speed along bends of 5 to 12 m radius",
             episodes=128,
+            learned=True,
             scenarios=(
                 SuiteScenario(
                     "parking",
@@ -332,6 +336,7 @@ SUITES: dict[str, Suite] = {
             name="drive",
             description="steering, throttle and brake among random set speeds, slower cars and stop points",
             episodes=128,
+            learned=True,
             scenarios=(
                 SuiteScenario(
                     "traffic",
@@ -352,6 +357,7 @@ SUITES: dict[str, Suite] = {
             name="camera",
             description="a van guided by a camera, at 0 to 6 m/s, with backlash in its steering",
             episodes=256,
+            learned=True,
             scenarios=(
                 SuiteScenario(
                     "yard",
