@@ -1,0 +1,78 @@
+"""What is shipped: every environment has its policy, every policy its command, and the README tells the truth."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lanekeep_agents
+import lanekeep_env
+from lanekeep_agents.policy_file import read_record
+from lanekeep_agents.training.run import command
+from lanekeep_agents.training.settings import TrainingSettings, changes_from, settings_for
+from lanekeep_benchmarks.summary import rows_of
+
+ROOT = Path(__file__).parents[2]
+ZOO = Path(lanekeep_agents.__path__[0], "zoo")
+NAMES = lanekeep_agents.names()
+
+
+def test_every_environment_has_its_policy_and_four_have_five_training_seeds():
+    seeds = {env_id: set() for env_id in lanekeep_env.ENVIRONMENTS}
+    for name in NAMES:
+        record = read_record(ZOO / f"{name}.json")
+        seeds[record.env_id].add(record.training.seed)
+    assert all(seeds.values())
+    for task in ("LaneKeep", "Evasive", "WallFollow", "CameraLane"):
+        assert seeds[f"lanekeep/{task}-v0"] >= {0, 1, 2, 3, 4}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_command_in_the_file_asks_for_the_settings_it_was_trained_with(name):
+    """Otherwise nobody could train it again: the command is read as `lanekeep train` reads it."""
+    record = read_record(ZOO / f"{name}.json")
+    words = shlex.split(record.training.command)
+    assert words[:2] == ["lanekeep", "train"]
+    options = dict(zip(words[4::2], words[5::2], strict=True))
+    sets = [words[i + 1] for i, word in enumerate(words) if word == "--set"]
+    asked = changes_from(sets)
+    asked |= {key: options.get(f"--{key}") for key in ("base", "imitate")}
+    asked["bound"] = float(options["--bound"]) if "--bound" in options else None
+    steps = int(options["--steps"]) if "--steps" in options else None
+    settings = settings_for(words[2], words[3], int(options["--seed"]), steps, **asked)
+    trained = TrainingSettings.from_dict(dict(record.training.hyperparameters), name)
+    assert settings == trained and command(trained) == record.training.command
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_drives_better_than_doing_nothing(name):
+    from lanekeep_agents.training.evaluation import HeldOut
+
+    policy = lanekeep_agents.load(name)
+    record = policy.record
+    held_out = HeldOut(record.env_id, record.training.hyperparameters["env"], 8, 7)
+
+    class Nothing:
+        def predict(self, observation, state=None, episode_start=None):
+            return np.zeros((len(observation), record.actions), dtype=np.float32), None
+
+    assert held_out.score(policy).mean_return > held_out.score(Nothing()).mean_return
+
+
+def test_files_are_small_plain_and_come_in_pairs():
+    files = sorted(file.name for file in ZOO.iterdir() if not file.name.startswith("."))
+    assert files == sorted(f"{name}{end}" for name in NAMES for end in (".json", ".safetensors"))
+    assert sum(file.stat().st_size for file in ZOO.iterdir()) < 2_000_000
+    for name in NAMES:
+        json.loads((ZOO / f"{name}.json").read_text())
+
+
+def test_the_readme_lists_them_all():
+    text = (ROOT / "README.md").read_text()
+    listed = set(re.findall(r"^\| (\S*?ppo-\S+(?: \(\d seeds\))?) \|", text, re.MULTILINE))
+    assert listed == set(rows_of(NAMES))
