@@ -21,8 +21,12 @@ from typing import Any
 
 import gymnasium as gym
 
+import lanekeep_agents
+
 ENV_ID = "lanekeep/LaneKeep-v0"
 LANES = 1024
+#: A shipped policy, whose actions are counted beside the steps of its own lanes.
+POLICY = "ppo-lane-keep-seed0"
 #: Calls of `step` in one quick round; a full round has four times as many.
 STEPS = {"single": 10_000, "highway": 100, "vector": 100}
 #: Further environments as a single one: task, what is special in words and in keywords.
@@ -84,6 +88,21 @@ def _vector(env_id: str, steps: int, **keywords: Any) -> Callable[[], int]:
     return run
 
 
+def _policy(name: str, steps: int) -> tuple[Callable[[], int], dict[str, Any]]:
+    """Actions of a learned policy for as many lanes, and the keywords of its environment."""
+    policy = lanekeep_agents.load(name)
+    keywords = {**policy.record.training.hyperparameters["env"], "dtype": "float32"}
+    env = gym.make_vec(ENV_ID, num_envs=LANES, vectorization_mode="vector_entry_point", **keywords)
+    observation, _ = env.reset(seed=0)
+
+    def run() -> int:
+        for _ in range(steps):
+            policy.predict(observation)
+        return steps * LANES
+
+    return run, keywords
+
+
 def contenders(quick: bool, notes: list[str]) -> list[Contender]:
     """All that is compared; highway-env only where it is installed."""
     scale = 1 if quick else 4
@@ -109,6 +128,13 @@ def contenders(quick: bool, notes: list[str]) -> list[Contender]:
             found.append(Contender(f"lanekeep {LANES} lanes, {dtype}, {count} thread{'s' * (count > 1)}", run))
     circuits = _vector("lanekeep/Circuit-v0", STEPS["vector"] * scale, dtype="float32")
     found.append(Contender(f"lanekeep Circuit {LANES} lanes, 64 beams, float32, 1 thread", circuits))
+    if importlib.util.find_spec("safetensors") is None:
+        notes.append('safetensors is not installed, so the learned policy is left out; pip install "lanekeep[agents]"')
+    else:
+        run, keywords = _policy(POLICY, STEPS["vector"] * scale)
+        lanes = _vector(ENV_ID, STEPS["vector"] * scale, **keywords)
+        found.append(Contender(f"lanekeep {LANES} lanes, 20 previews, float32, 1 thread", lanes))
+        found.append(Contender(f"{POLICY} for {LANES} lanes", run))
     found.append(Contender(f"CartPole-v1 {LANES} lanes", _vector("CartPole-v1", STEPS["vector"] * scale)))
     return found
 
