@@ -8,8 +8,10 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from lanekeep_benchmarks.summary import RATE, Column, columns_of
+from lanekeep_benchmarks.summary import COLUMNS, RATE, Column, columns_of
 
+#: Key of the metric that weighs error, steering and departures as the environment does.
+RETURN = "return"
 #: How a cell shows that the interval of the paired difference to the reference excludes zero.
 MARKS = {"better": " ▲", "worse": " ▼", "tie": ""}
 
@@ -73,9 +75,29 @@ def terminal_table(scenario: dict[str, Any], reference: str) -> Table:
     return table
 
 
+def overview(summary: dict[str, Any]) -> list[str]:
+    """Who wins where, as lines of Markdown: the return of every policy on every scenario, and what share failed."""
+    scenarios = summary["scenarios"]
+    lines = ["", "## Return", "", f"| policy | {' | '.join(scenario['scenario'] for scenario in scenarios)} |"]
+    lines.append(f"|---{'|---:' * len(scenarios)}|")
+    digits = next(column.digits for column in COLUMNS if column.key == RETURN) + 1
+    for rows in zip(*(scenario["policies"] for scenario in scenarios), strict=True):
+        texts = []
+        for row in rows:
+            value, interval = _cell(row["metrics"][RETURN], digits)
+            failed = row["failure_rate"]["value"]
+            parts = [value + (MARKS[row["verdict"][RETURN]] if row["verdict"] else ""), interval]
+            parts += [f"{failed:.1%} failed"] if failed else []
+            texts.append("<br>".join(part for part in parts if part))
+        lines.append(f"| {rows[0]['policy']} | {' | '.join(texts)} |")
+    return lines
+
+
 def markdown(summary: dict[str, Any]) -> str:
     """All tables of a run as Markdown."""
     lines = [f"# {summary['suite']}: {summary['description']}", "", caption(summary) + "."]
+    if len(summary["scenarios"]) > 1:
+        lines += overview(summary)
     for scenario in summary["scenarios"]:
         columns = columns_of(scenario["policies"])
         names = headings(columns, summary["reference"])

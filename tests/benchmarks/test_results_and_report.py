@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -86,6 +87,19 @@ def test_tables_show_every_policy_and_number(results):
     table = terminal_table(summary["scenarios"][0], "a")
     assert table.row_count == 2
     assert len(table.columns) == len(headings(ERRORS, "a"))
+
+
+def test_several_scenarios_have_an_overview_of_returns(results):
+    """b's return is the larger one: the number stands for any metric, and more return is better."""
+    other = [replace(result, scenario="other", failed=False) for result in results]
+    suite = replace(SUITE, scenarios=(*SUITE.scenarios, replace(SUITE.scenarios[0], name="other")))
+    summary = summarise(suite, [*results, *other], ["a", "b"])
+    text = markdown(summary)
+    assert "| policy | scenario | other |" in text
+    row = next(text_line for text_line in text.splitlines() if text_line.startswith("| b |"))
+    value = np.mean([result.metrics["return"] for result in results if result.policy == "b"])
+    assert row.count(f"| {value:.2f} ▲<br>") == 2 and row.count("5.0% failed") == 1
+    assert "## Return" not in markdown(summarise(SUITE, results, ["a", "b"]))
 
 
 def test_training_seeds_share_a_row():
