@@ -118,6 +118,7 @@ def make_plan(suite: str | None, policies: str | None, road: Path | None, episod
         env.close()
     if policies is None:
         names = default_policies(definitions.values(), chosen.family, chosen.learned)
+        names.sort(key=lambda name: name != chosen.reference)  # first, the others as they are
     else:
         names = policy_names(policies)
     plan = Plan(chosen, names, episodes or chosen.episodes, seed, road)

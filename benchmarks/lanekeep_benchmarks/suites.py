@@ -59,7 +59,8 @@ class Suite:
     """Scenarios that are evaluated and reported together.
 
     ``episodes`` is the default number for each scenario; ``family`` what the names of the classical policies begin with
-    that drive it by default, empty for all that can; ``learned`` adds the shipped learned ones whose channels fit.
+    that drive it by default, empty for all that can; ``learned`` adds the shipped learned ones whose channels fit;
+    ``reference`` is the one of them that the others are compared with, empty for the first.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Suite:
     episodes: int
     family: str = ""
     learned: bool = False
+    reference: str = ""
 
 
 # 1.1 s of curvature ahead, for every policy, so that all see the same observation (some read it, Yin's own do not).
@@ -175,6 +177,7 @@ SUITES: dict[str, Suite] = {
             description="learned and classical policies that know the nominal car, on it and on cars that differ",
             episodes=256,
             learned=True,
+            reference="lq-preview-offset-free",
             scenarios=(
                 SuiteScenario("nominal", "Random roads, the nominal car", _LEARNED),
                 SuiteScenario(

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 import lanekeep_baselines
+from lanekeep_benchmarks.benchmark import make_plan
 from lanekeep_benchmarks.evaluate import make_lanes
 from lanekeep_benchmarks.suites import SUITES
 from lanekeep_env import SENSOR_SETS
@@ -67,3 +68,11 @@ def test_the_noise_is_twice_what_is_told():
 def test_what_policies_are_told_is_part_of_the_scenario():
     scenario = LEARNED["noise"]
     assert scenario.hash("0") != replace(scenario, told={}).hash("0")
+
+
+def test_references_are_first_in_the_plan():
+    plan = make_plan("learned", None, None, 1, 0)
+    assert plan.policies[0] == SUITES["learned"].reference and len(set(plan.policies)) == len(plan.policies)
+    assert [name for name in plan.policies[1:] if not name.startswith("ppo")] == [
+        name for name in lanekeep_baselines.names() if name in plan.policies[1:]
+    ]
