@@ -172,7 +172,8 @@ def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
         return _ALGORITHMS[settings.algorithm](
             "MlpPolicy",
             env,
-            learning_rate=lambda left: rate * (last + (1.0 - last) * left),
+            # The last rollout may end beyond the steps asked for, where less than nothing is left.
+            learning_rate=lambda left: rate * (last + (1.0 - last) * max(left, 0.0)),
             gamma=settings.gamma,
             seed=settings.seed_of("training"),
             device="cpu",
