@@ -32,7 +32,10 @@ def require(
     """Raise ValueError unless ``value`` is a finite number inside the bounds (or None where ``optional``)."""
     if value is None and optional:
         return
-    number = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    try:
+        number = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # a whole number that no float can hold
+        number = False
     good = (
         number
         and (above is None or value > above)

@@ -61,7 +61,7 @@ def load(name_or_path: str | Path, scenario: Scenario | None = None) -> LearnedP
     path = Path(name_or_path)
     if path.suffix not in (".json", ".safetensors"):
         shipped = names()
-        if name_or_path not in shipped:
+        if str(name_or_path) not in shipped:
             raise ValueError(
                 f"policy={str(name_or_path)!r} is unknown{nearest(str(name_or_path), shipped)}; allowed: "
                 f"{', '.join((*shipped, 'the path of a .json or .safetensors file'))}"

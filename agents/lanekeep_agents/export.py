@@ -45,6 +45,9 @@ def export_sb3(model: Any, vec_normalize: Any = None) -> tuple[Network, Normalis
     for i, layer in enumerate(dense):
         tensors[f"layers.{i}.weight"] = _float32(layer.weight.detach().cpu().numpy())
         tensors[f"layers.{i}.bias"] = _float32(layer.bias.detach().cpu().numpy())
+    # What a mean loses as float32 is much where the channel hardly varies; the first bias takes it.
+    lost = (tensors["mean"] - np.asarray(mean)) / np.sqrt(np.asarray(variance) + normalisation.epsilon)
+    tensors["layers.0.bias"] += _float32(tensors["layers.0.weight"] @ lost)
     hidden = tuple(layer.out_features for layer in dense[:-1])
     return Network(hidden, activation, squash), normalisation, tensors
 

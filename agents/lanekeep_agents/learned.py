@@ -81,7 +81,7 @@ class LearnedPolicy:
             action = self._network(rows, None)
         else:
             base, following = self._bound.base.predict(observation, state, episode_start)
-            base = base.reshape(len(rows), -1).clip(-1.0, 1.0)
+            base = base.reshape(len(rows), self.record.actions).clip(-1.0, 1.0)
             action = self._network(rows, base)
             action *= np.float32(self.record.bound)
             action += base

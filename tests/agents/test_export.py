@@ -81,6 +81,22 @@ def test_an_exported_policy_equals_the_model(algorithm, settings, tmp_path, make
     np.testing.assert_array_equal(policy.predict(given[7])[0], found[7])
 
 
+def test_a_channel_that_hardly_varies_equals_the_model(tmp_path, make_record):
+    """A constant speed with rounding errors: its mean is a hundred thousand times its standard deviation."""
+    model, env = build(PPO, activation=torch.nn.Tanh)
+    place = [channel.name for channel in env.get_attr("scenario")[0].channels].index("speed")
+    env.obs_rms.mean[place], env.obs_rms.var[place] = 15.277_777, 1.4e-4**2
+    network, normalisation, tensors = export_sb3(model, env)
+    record = make_record(env.get_attr("scenario")[0], network=network, normalisation=normalisation)
+    write_policy(tmp_path / "policy.json", record, tensors)
+    rng = np.random.default_rng(1)
+    normal = rng.uniform(-3.0, 3.0, size=(10_000, *env.observation_space.shape))  # none is clipped
+    given = (env.obs_rms.mean + normal * np.sqrt(env.obs_rms.var)).astype(np.float32)
+    wanted, _ = model.predict(env.normalize_obs(given), deterministic=True)
+    found, _ = lanekeep_agents.load(tmp_path / "policy.json").predict(given)
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-6)
+
+
 def test_actors_of_other_kinds_are_refused():
     model, env = build(PPO, activation=torch.nn.ELU)
     with pytest.raises(ValueError, match="activation_fn=ELU is not allowed: it must be ReLU or Tanh"):

@@ -206,6 +206,7 @@ def test_a_correction_is_bounded_and_sees_the_base(make_record, make_tensors):
     one, after_one = policy.predict(rows[5], state[5], starts[5])
     np.testing.assert_array_equal(one, second[5])
     np.testing.assert_array_equal(after_one, after[5])
+    assert policy.predict(rows[:0])[0].shape == (0, 1)
 
 
 def test_a_base_that_is_unknown_is_refused(make_record, make_tensors):

@@ -225,6 +225,6 @@ def test_names_of_the_zoo_and_the_nearest(policy: Path, monkeypatch: pytest.Monk
     assert lanekeep_agents.names() == ("policy",)
     assert lanekeep_agents.names(SCENARIO) == ("policy",)
     assert lanekeep_agents.names(LaneKeepScenario()) == ()
-    assert lanekeep_agents.load("policy").name == "ppo-test"
+    assert lanekeep_agents.load("policy").name == lanekeep_agents.load(Path("policy")).name == "ppo-test"
     with pytest.raises(ValueError, match=r"'polcy' is unknown \(did you mean 'policy'\?\)"):
         lanekeep_agents.load("polcy")

@@ -19,6 +19,8 @@ from lanekeep_agents.training.evaluation import HeldOut
 from lanekeep_agents.training.imitation import _returns, imitate
 from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.training.rewards import LearnersRewards
+from lanekeep_agents.training.run import _model
+from lanekeep_agents.training.settings import settings_for
 from lanekeep_agents.vec_env import LaneVecEnv
 
 IDS = sorted(lanekeep_env.ENVIRONMENTS)
@@ -314,3 +316,11 @@ def test_the_score_is_that_of_a_plain_loop_over_episodes(env_id, name, keywords)
         assert score.rms_lateral_error == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-12)
     assert np.any(failures) or name == "yin-lqr-observer"
     assert np.std(returns) > 0.0
+
+
+def test_the_learning_rate_falls_to_its_last_value_and_no_further():
+    settings = settings_for("ppo", "LaneKeep-v0", num_envs=2, learning_rate=0.01, final_learning_rate=0.0)
+    env = VecNormalize(LaneVecEnv(settings.env_id, settings.num_envs, **settings.env))
+    schedule = _model(settings, env).lr_schedule
+    # A rollout that ends beyond the steps asked for leaves a negative share.
+    assert [schedule(left) for left in (1.0, 0.5, 0.0, -0.1)] == pytest.approx([0.01, 0.005, 0.0, 0.0])

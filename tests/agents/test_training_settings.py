@@ -84,6 +84,8 @@ def test_an_entry_overrides_the_default_and_mappings_are_merged(tmp_path, monkey
         ("ppo LaneKeep-v0 --set parameters.n_epochs=-1", ["parameters.n_epochs=-1", ">= 1"]),
         ("ppo LaneKeep-v0 --set parameters.gae_lambda=null", ["parameters.gae_lambda=None", "<= 1.0"]),
         ("sac LaneKeep-v0 --set parameters.train_freq=0", ["parameters.train_freq=0", ">= 1"]),
+        ("ppo LaneKeep-v0 --set gamma=1" + 400 * "0", ["gamma=1000", "a finite number"]),
+        ("sac LaneKeep-v0 --set parameters.ent_coef=auto_..", ["parameters.ent_coef='auto_..'", 'or "auto"']),
         ("sac LaneKeep-v0 --set parameters.ent_coef=x", ["parameters.ent_coef='x'", 'or "auto"']),
         ("td3 LaneKeep-v0 --set parameters.ent_coef=auto", ["parameters='ent_coef'", "policy_delay"]),
         ("ppo LaneKeep-v0 --set gamma", ["--set 'gamma'", "NAME=VALUE"]),
@@ -101,6 +103,7 @@ def test_an_entry_overrides_the_default_and_mappings_are_merged(tmp_path, monkey
         ("ppo LaneKeep-v0 --imitate werling-drive", ["'werling-drive'", "2 number(s)"]),
         ("--resume", ["--resume needs --out"]),
         ("--resume --seed 3", ["--resume needs --out"]),
+        ("ppo LaneKeep-v0 --resume --overwrite", ["resume and overwrite exclude each other"]),
     ],
 )
 def test_what_is_not_allowed_is_one_line_that_names_it_and_touches_nothing(arguments, words, tmp_path):

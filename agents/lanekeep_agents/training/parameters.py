@@ -43,7 +43,7 @@ _BOUNDS: dict[str, dict[str, dict[str, Any]]] = {
     },
 }
 #: SAC's arguments that it can find itself, and how that is written.
-_AUTOMATIC = {"ent_coef": r"auto(_[0-9.]+)?", "target_entropy": "auto"}
+_AUTOMATIC = {"ent_coef": r"auto(_\d+(\.\d+)?)?", "target_entropy": "auto"}
 
 
 def check_parameters(algorithm: str, parameters: Mapping[str, Any]) -> dict[str, Any]:

@@ -110,6 +110,8 @@ def _check(settings: TrainingSettings, folder: Path, resume: bool, overwrite: bo
     """Return what the folder's record of this run says, after a look at what is there."""
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"--out {folder} is a file; allowed: a folder, which is made if it is missing")
+    if resume and overwrite:
+        raise ValueError("resume and overwrite exclude each other: go on with the run in the folder, or replace it")
     record = json.dumps({"version": lanekeep_env.__version__, **settings.to_dict()}, indent=1) + "\n"
     if resume:
         found, wanted = settings_in(folder).to_dict(), json.loads(record)
@@ -172,7 +174,8 @@ def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
         return _ALGORITHMS[settings.algorithm](
             "MlpPolicy",
             env,
-            learning_rate=lambda left: rate * (last + (1.0 - last) * left),
+            # The last rollout may end beyond the steps asked for, where less than nothing is left.
+            learning_rate=lambda left: rate * (last + (1.0 - last) * max(left, 0.0)),
             gamma=settings.gamma,
             seed=settings.seed_of("training"),
             device="cpu",
