@@ -139,7 +139,9 @@ def _statistics(vec_normalize: Any, inputs: int) -> tuple[Normalisation, Any, An
     if vec_normalize is None or not vec_normalize.norm_obs:
         return Normalisation(clip=float(np.finfo(np.float32).max)), np.zeros(inputs), np.ones(inputs)
     normalisation = Normalisation(vec_normalize.clip_obs, vec_normalize.epsilon)
-    return normalisation, vec_normalize.obs_rms.mean, vec_normalize.obs_rms.var
+    statistics = vec_normalize.obs_rms
+    variance = vec_normalize.variance(statistics) if hasattr(vec_normalize, "variance") else statistics.var
+    return normalisation, statistics.mean, variance
 
 
 def _float32(values: Any) -> NDArray[np.float32]:

@@ -17,6 +17,7 @@ import lanekeep_baselines
 import lanekeep_env
 from lanekeep_agents.training.evaluation import HeldOut
 from lanekeep_agents.training.imitation import _returns, imitate
+from lanekeep_agents.training.normalisation import Normalised
 from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.training.rewards import LearnersRewards
 from lanekeep_agents.training.run import _model
@@ -324,3 +325,22 @@ def test_the_learning_rate_falls_to_its_last_value_and_no_further():
     schedule = _model(settings, env).lr_schedule
     # A rollout that ends beyond the steps asked for leaves a negative share.
     assert [schedule(left) for left in (1.0, 0.5, 0.0, -0.1)] == pytest.approx([0.01, 0.005, 0.0, 0.0])
+
+
+def test_a_channel_that_never_varies_in_training_does_not_drown_the_others_elsewhere():
+    """RoadWorks is driven at one speed: another one within a per cent stays within a standard deviation."""
+    lanes = LaneVecEnv("lanekeep/RoadWorks-v0", 4, dtype="float32")
+    env, plain = Normalised(lanes), VecNormalize(lanes, norm_reward=False, clip_obs=10.0, epsilon=1e-8)
+    env.reset()
+    for _ in range(20):
+        env.step(np.zeros((4, 1), dtype=np.float32))
+    plain.obs_rms = env.obs_rms
+    seen = env.get_original_obs()
+    speed = [channel.name for channel in lanes.env.unwrapped.scenario.channels].index("speed")
+    varies = env.obs_rms.var > (0.01 * env.obs_rms.mean) ** 2
+    assert varies.any() and not varies[speed]
+    np.testing.assert_array_equal(env.normalize_obs(seen)[:, varies], plain.normalize_obs(seen)[:, varies])
+    faster = seen.copy()
+    faster[:, speed] *= 1.009
+    assert (np.abs(env.normalize_obs(faster)[:, speed]) < 1.0).all()
+    assert (np.abs(plain.normalize_obs(faster)[:, speed]) == 10.0).all()

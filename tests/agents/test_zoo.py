@@ -12,7 +12,7 @@ import pytest
 
 import lanekeep_agents
 import lanekeep_env
-from lanekeep_agents.policy_file import read_record
+from lanekeep_agents.policy_file import read_policy, read_record
 from lanekeep_agents.training.run import command
 from lanekeep_agents.training.settings import TrainingSettings, changes_from, settings_for
 from lanekeep_benchmarks.summary import rows_of
@@ -62,6 +62,13 @@ def test_it_drives_better_than_doing_nothing(name):
             return np.zeros((len(observation), record.actions), dtype=np.float32), None
 
     assert held_out.score(policy).mean_return > held_out.score(Nothing()).mean_return
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_that_hardly_varied_in_training_is_blown_up(name):
+    """Of a channel with a mean, a per cent more is a standard deviation at the most."""
+    _, tensors = read_policy(ZOO / f"{name}.json")
+    assert (np.sqrt(tensors["variance"]) > 0.0099 * np.abs(tensors["mean"])).all()
 
 
 def test_files_are_small_plain_and_come_in_pairs():

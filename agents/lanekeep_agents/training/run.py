@@ -28,6 +28,7 @@ from lanekeep_agents.policy_record import PolicyRecord, Training
 from lanekeep_agents.training.checkpoint import Arrays, read_checkpoint, write_checkpoint
 from lanekeep_agents.training.evaluation import HeldOut, Score
 from lanekeep_agents.training.imitation import imitate
+from lanekeep_agents.training.normalisation import Normalised
 from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.training.rewards import LearnersRewards
 from lanekeep_agents.training.settings import TrainingSettings, settings_for
@@ -88,7 +89,7 @@ def run(
     inner = lanes if settings.base is None else Corrections(lanes, scenario, settings.base, settings.bound or 0.0)
     largest = scenario.largest_cost * scenario.control_step
     rewards = LearnersRewards(inner, largest, settings.gamma, settings.reward_scale)
-    env = VecNormalize(rewards, norm_reward=False, clip_obs=10.0, epsilon=1e-8)
+    env = Normalised(rewards)
     model = _model(settings, env)
     held_out = HeldOut(settings.env_id, keywords, settings.evaluation_episodes, settings.seed_of("evaluation"))
     teacher = None if settings.imitate is None else lanekeep_baselines.make(settings.imitate, scenario)
