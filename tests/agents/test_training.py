@@ -343,4 +343,4 @@ def test_a_channel_that_never_varies_in_training_does_not_drown_the_others_elsew
     faster = seen.copy()
     faster[:, speed] *= 1.009
     assert (np.abs(env.normalize_obs(faster)[:, speed]) < 1.0).all()
-    assert (np.abs(plain.normalize_obs(faster)[:, speed]) == 10.0).all()
+    assert (np.abs(plain.normalize_obs(faster)[:, speed]) > 5.0).all()
