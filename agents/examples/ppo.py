@@ -4,6 +4,7 @@ python agents/examples/ppo.py --steps 1000000 --out ppo.json
 """
 
 import argparse
+from pathlib import Path
 
 import gymnasium as gym
 from stable_baselines3 import PPO
@@ -15,6 +16,7 @@ parser = argparse.ArgumentParser(description="PPO on lanekeep/LaneKeep-v0")
 parser.add_argument("--steps", type=int, default=1_000_000)
 parser.add_argument("--out", default="ppo.json")
 arguments = parser.parse_args()
+out = Path(arguments.out).with_suffix(".json")
 
 task = {"preview": 20, "action": "steering_rate"}
 lanes = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 256, dtype="float32", **task)
@@ -23,10 +25,10 @@ network = {"net_arch": [32, 32], "log_std_init": -2.5}
 options = {"n_steps": 64, "batch_size": 2048, "n_epochs": 5, "gamma": 0.98, "learning_rate": 3e-3}
 model = PPO("MlpPolicy", envs, policy_kwargs=network, seed=0, device="cpu", **options)
 model.learn(arguments.steps)
-lanekeep_agents.save(arguments.out, model, overwrite=True)
+lanekeep_agents.save(out, model, overwrite=True)
 
 env = gym.make("lanekeep/LaneKeep-v0", **task)
-policy = lanekeep_agents.load(arguments.out, env.unwrapped.scenario)
+policy = lanekeep_agents.load(out, env.unwrapped.scenario)
 observation, info = env.reset(seed=0)
 total, over = 0.0, False
 while not over:

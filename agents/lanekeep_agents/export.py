@@ -13,6 +13,7 @@ import stable_baselines3
 import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.torch_layers import FlattenExtractor
+from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 from torch import nn
 
 import lanekeep_env
@@ -58,6 +59,14 @@ def save_sb3(path: str | Path, model: Any, overwrite: bool = False) -> PolicyRec
     lanes = None if env is None else env.unwrapped
     if not isinstance(lanes, LaneVecEnv):
         raise ValueError(f"env={env!r} is not allowed: the model must have been trained on sb3_vec_env(...)")
+    layer: Any = env
+    while not isinstance(layer, LaneVecEnv):
+        if not isinstance(layer, VecNormalize | VecMonitor):
+            raise ValueError(
+                f"env has the layer {type(layer).__name__}, which a policy file cannot hold; allowed: VecNormalize, "
+                "VecMonitor"
+            )
+        layer = layer.venv
     vector: Any = lanes.env.unwrapped
     network, normalisation, tensors = export_sb3(model, model.get_vec_normalize_env())
     record = PolicyRecord(

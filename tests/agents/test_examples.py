@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("stable_baselines3")
 import torch
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.vec_env import VecEnvWrapper, VecNormalize
 
 import lanekeep_agents
 
@@ -60,3 +60,20 @@ def test_a_model_of_other_environments_is_not_saved(tmp_path):
     with pytest.raises(ValueError, match="trained on sb3_vec_env"):
         lanekeep_agents.save(tmp_path / "mine.json", model)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_layer_that_no_file_can_hold_is_named(tmp_path):
+    class Half(VecEnvWrapper):
+        def reset(self):
+            return self.venv.reset()
+
+        def step_async(self, actions):
+            self.venv.step_async(0.5 * actions)
+
+        def step_wait(self):
+            return self.venv.step_wait()
+
+    lanes = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 2, dtype="float32")
+    model = PPO("MlpPolicy", VecNormalize(Half(lanes)), n_steps=2, batch_size=4, device="cpu")
+    with pytest.raises(ValueError, match="layer Half"):
+        lanekeep_agents.save(tmp_path / "mine.json", model)
