@@ -225,6 +225,7 @@ SUITES: dict[str, Suite] = {
             description="a 1:10 car at 1 m from the wall on its right, start within 0.3 m and 20 degrees",
             episodes=256,
             learned=True,
+            reference="knightriders-cascade-kalman",
             family="knightriders",
             scenarios=(
                 SuiteScenario(
@@ -293,6 +294,7 @@ SUITES: dict[str, Suite] = {
             description="a full-size car: evasive paths at 55 km/h, tight paths backwards",
             episodes=128,
             learned=True,
+            reference="lq-preview-offset-free",
             scenarios=(
                 SuiteScenario(
                     "evasive",
@@ -361,6 +363,7 @@ SUITES: dict[str, Suite] = {
             description="a van guided by a camera, at 0 to 6 m/s, with backlash in its steering",
             episodes=256,
             learned=True,
+            reference="traechtler-inverse",
             scenarios=(
                 SuiteScenario(
                     "yard",

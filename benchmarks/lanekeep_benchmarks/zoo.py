@@ -53,8 +53,9 @@ class Entry:
     def cells(self) -> tuple[str, ...]:
         """As the table shows it: means over seeds, and the range of the returns."""
         record = self.records[0]
-        differs = {name: value for name, value in _keywords(record).items() if name in ("randomisation", "tyre")}
-        where = record.env_id.rpartition("/")[2] + "".join(f", {value}" for value in differs.values())
+        keywords = _keywords(record)
+        differs = [keywords[name] for name in ("randomisation", "sensors", "tyre") if name in keywords]
+        where = ", ".join([record.env_id.rpartition("/")[2], *differs])
         returns = [score.mean_return for score in self.scores]
         spread = f" ({min(returns):.2f} to {max(returns):.2f})" if len(returns) > 1 else ""
         mean = Score(
