@@ -85,8 +85,10 @@ def test_a_folder_is_not_taken_by_mistake(finished, folder):
     (folder / "tensorboard").mkdir()
     old = folder / "tensorboard" / "events.out.tfevents.1.old"
     old.write_bytes(b"")
+    policy = folder / "ppo-lane-keep-seed0.json"
+    policy.write_text("{}")
     assert run(tiny(seed=1), folder, overwrite=True).name == "ppo-lane-keep-seed1"
-    assert not old.exists() and '"seed": 1' in (folder / SETTINGS).read_text()
+    assert not old.exists() and not policy.exists() and '"seed": 1' in (folder / SETTINGS).read_text()
 
 
 def weights(folder):

@@ -6,6 +6,7 @@ import json
 import shlex
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -128,9 +129,12 @@ def _check(settings: TrainingSettings, folder: Path, resume: bool, overwrite: bo
 
 
 def _claim(folder: Path, record: str, name: str) -> None:
-    """Make the folder this run's."""
+    """Make the folder this run's: what another one has left there goes."""
     folder.mkdir(parents=True, exist_ok=True)
-    for old in (CHECKPOINT, EVALUATIONS, f"{name}.json", f"{name}.safetensors"):
+    names = {name}
+    with suppress(ValueError):  # there was none, or what there was cannot be read
+        names.add(policy_name(settings_in(folder)))
+    for old in (CHECKPOINT, EVALUATIONS, *(f"{name}{end}" for name in names for end in (".json", ".safetensors"))):
         (folder / old).unlink(missing_ok=True)
     for events in (folder / "tensorboard").glob("events.out.tfevents.*"):
         events.unlink()
