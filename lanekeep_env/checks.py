@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import reprlib
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from numbers import Real
@@ -11,10 +12,33 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
+#: Characters of a value that an error repeats at the most.
+LONGEST_ECHO = 80
 
-def nearest(word: str, allowed: Iterable[str]) -> str:
+
+def shown(value: Any) -> str:
+    """Return ``repr(value)`` on one line for an error, cut where it is long, whatever the value is and however large."""
+    text = " ".join(_SHORT.repr(value).split())
+    return text if len(text) <= LONGEST_ECHO else f"{text[: LONGEST_ECHO - 3]}..."
+
+
+class _Short(reprlib.Repr):
+    """`repr` that looks at a few entries and levels only."""
+
+    def repr_int(self, value: int, level: int) -> str:
+        digits = int(value.bit_length() * math.log10(2.0))
+        return repr(value) if digits < LONGEST_ECHO else f"<an integer of {digits} digits>"
+
+
+_SHORT = _Short()
+_SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother, _SHORT.maxlong = 3, LONGEST_ECHO, LONGEST_ECHO, LONGEST_ECHO
+
+
+def nearest(word: Any, allowed: Iterable[str]) -> str:
     """Return " (did you mean 'x'?)" for the closest allowed word, or an empty string."""
-    match = difflib.get_close_matches(str(word), list(allowed), n=1, cutoff=0.5)
+    if not isinstance(word, str):
+        return ""
+    match = difflib.get_close_matches(word[:LONGEST_ECHO], list(allowed), n=1, cutoff=0.5)
     return f" (did you mean {match[0]!r}?)" if match else ""
 
 
@@ -53,7 +77,7 @@ def require(
         limits = f" {' and '.join(bounds)}" if bounds else ""
         none = " or None" if optional else ""
         raise ValueError(
-            f"{name}={value!r} is not allowed: it must be {kind}{limits}{f' {unit}' if unit else ''}{none}"
+            f"{name}={shown(value)} is not allowed: it must be {kind}{limits}{f' {unit}' if unit else ''}{none}"
         )
 
 
@@ -61,7 +85,7 @@ def choose(name: str, value: Any, allowed: Iterable[str]) -> None:
     """Raise ValueError unless ``value`` is one of the allowed words."""
     allowed = list(allowed)
     if not isinstance(value, str) or value not in allowed:
-        raise ValueError(f"{name}={value!r} is unknown{nearest(value, allowed)}; allowed: {', '.join(allowed)}")
+        raise ValueError(f"{name}={shown(value)} is unknown{nearest(value, allowed)}; allowed: {', '.join(allowed)}")
 
 
 def from_mapping(record: type[T], mapping: Mapping[str, Any], name: str) -> T:
@@ -69,7 +93,7 @@ def from_mapping(record: type[T], mapping: Mapping[str, Any], name: str) -> T:
     allowed = [f.name for f in fields(record) if f.init]  # type: ignore[arg-type]
     for key in mapping:
         if key not in allowed:
-            raise ValueError(f"{name} has no field {key!r}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
+            raise ValueError(f"{name} has no field {shown(key)}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
     return record(**mapping)
 
 
