@@ -12,9 +12,8 @@ from gymnasium.utils import seeding
 from lanekeep_env import layout as at
 from lanekeep_env.envs import road_kernel
 from lanekeep_env.rendering.road_picture import Pose
-from lanekeep_env.roads import Road, RoadSpec, SetSpeeds, SpeedSpec, build_roads
+from lanekeep_env.roads import Road, RoadSpec, SetSpeeds, SpeedSpec, road_set
 from lanekeep_env.scenario import (
-    INTEGRATION_STEP,
     CameraLaneScenario,
     DriveScenario,
     LaneKeepScenario,
@@ -33,12 +32,6 @@ START_OPTIONS = ("lateral_error", "heading_error", "arc_length", "road_index")
 
 
 @functools.lru_cache(maxsize=16)
-def _road_set(road: RoadSpec, speed: SpeedSpec, fingerprint: str) -> tuple[tuple[Road, np.ndarray], ...]:
-    """Build the roads and their speeds once a process; ``fingerprint`` notices a changed file."""
-    return build_roads(road, speed)
-
-
-@functools.lru_cache(maxsize=16)
 def road_tables(
     road: RoadSpec, speed: SpeedSpec, fingerprint: str, duration: float, dtype: str
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -48,7 +41,7 @@ def road_tables(
     seconds start so early that they do not get there, where the road is long enough.
     """
     segments, roads, first = [], [], 0
-    for geometry, speeds in _road_set(road, speed, fingerprint):
+    for geometry, speeds in road_set(road, speed):
         n = len(geometry.lengths)
         squared = speeds**2
         table = np.zeros((n + (not geometry.closed), at.ROAD_COLUMNS))
@@ -67,6 +60,7 @@ def road_tables(
         else:
             table[0, at.R_PREVIOUS] = -1
             table[-1, at.R_LENGTH] = np.inf
+            table[-1, at.R_NEXT] = first + len(table) - 1  # nothing is behind it
             table[-1, at.R_CURVATURE] = geometry.curvature_end[-1]
             table[-1, at.R_SPEED_SQUARED] = squared[-1]
             with np.errstate(divide="ignore"):
@@ -150,13 +144,14 @@ class RoadLanes:
         values = np.zeros(at.BOUNDS + 2 * self.num_channels, dtype=self.dtype)
         steering = s.vehicle.steering
         rate_mode = s.action == "steering_rate"
-        values[at.STEP_TIME] = INTEGRATION_STEP
-        values[at.SUBSTEPS] = round(s.control_step / INTEGRATION_STEP)
+        step = s.integration.step
+        values[at.STEP_TIME], values[at.SLIP_FLOOR] = step, s.integration.slip_speed_floor
+        values[at.SUBSTEPS] = round(s.control_step / step)
         values[at.MODEL] = s.model
         values[at.IDEAL_STEERING] = steering.lag == 0.0 and steering.rate_limit is None
         values[at.ACTION_KIND] = ACTIONS[s.action]
         values[at.ACTION_SCALE] = s.max_steering_rate if rate_mode else s.max_steering_angle
-        values[at.COMMAND_LIMIT] = min(s.max_steering_angle, steering.angle_limit or np.inf)
+        values[at.COMMAND_LIMIT] = s.largest_angle
         values[at.HALF_LANE] = s.departure_limit
         values[at.DEPARTURE] = DEPARTURES[s.departure]
         values[at.COST_WEIGHT] = s.cost_weight
@@ -174,13 +169,13 @@ class RoadLanes:
         if isinstance(s.speed, SetSpeeds):
             values[at.SPEED_LOW], values[at.SPEED_HIGH] = s.speed.minimum, s.speed.maximum
             values[at.SPEED_HOLD] = np.inf if s.speed.hold is None else round(s.speed.hold / s.control_step)
-            values[at.SPEED_CHANGE] = s.speed.acceleration * INTEGRATION_STEP
+            values[at.SPEED_CHANGE] = s.speed.acceleration * step
             values[at.STANDSTILL] = s.speed.standstill
         values[at.FULL] = s.observation == "full"
         values[at.START_LATERAL] = s.start_lateral_error
         values[at.START_HEADING] = s.start_course_error
         values[at.COST_LATERAL] = s.reference_lateral_error
-        values[at.LATERAL_LIMIT] = getattr(s.speed, "lateral_acceleration", None) or 0.0
+        values[at.LATERAL_LIMIT] = s.speed.lateral_limit
         values[at.NOMINAL : at.NOMINAL + at.NOMINAL_SIZE] = (
             s.vehicle.mass,
             s.vehicle.yaw_inertia,
@@ -195,7 +190,7 @@ class RoadLanes:
         values[at.RANGES : at.RANGES + at.RANGES_SIZE] = s.randomisation.bounds()
         longest = steering.delay + s.randomisation.steering_delay[1]
         if longest > 0.0:
-            values[at.DELAY_DEPTH] = round(longest / INTEGRATION_STEP) // values[at.SUBSTEPS] + 2
+            values[at.DELAY_DEPTH] = round(longest / step) // values[at.SUBSTEPS] + 2
         values[at.HORIZON] = s.episode_steps
         values[at.BOUNDS :] = s.channel_bounds().ravel()
         return values
@@ -232,7 +227,7 @@ class RoadLanes:
         s = self.scenario
         if not isinstance(s, DriveScenario):
             return None, None
-        return s.powertrain.numbers(INTEGRATION_STEP).astype(self.dtype), s.traffic.build()
+        return s.powertrain.numbers(s.integration.step).astype(self.dtype), s.traffic.build()
 
     def _camera(self) -> np.ndarray | None:
         """Numbers of the camera and the marking of each row of the road table, or None without a camera."""
@@ -308,7 +303,7 @@ class RoadLanes:
     def road_set(self) -> tuple[tuple[Road, np.ndarray], ...]:
         """The roads with their node speeds (m/s), as built for this scenario."""
         s = self.scenario
-        return _road_set(s.road, s.speed, s.road.fingerprint())
+        return road_set(s.road, s.speed)
 
     def pose(self, lane: int) -> Pose:
         """Where a lane's car is, for pictures."""

@@ -143,10 +143,10 @@ class WallLanes:
 
     def _settings(self) -> np.ndarray:
         s, car, steering = self.scenario, self.scenario.vehicle, self.scenario.vehicle.steering
-        step = s.integration_step
+        step = s.integration.step
         values = np.zeros(at.BOUNDS + 2 * self.num_channels, dtype=self.dtype)
         rate_mode = s.action == "steering_rate"
-        values[at.STEP_TIME] = step
+        values[at.STEP_TIME], values[at.SLIP_FLOOR] = step, s.integration.slip_speed_floor
         values[at.SUBSTEPS] = round(s.control_step / step)
         values[at.MODEL] = s.model
         values[at.IDEAL_STEERING] = steering.lag == 0.0 and steering.rate_limit is None
