@@ -1,9 +1,10 @@
 # The same steps by hand and in .ci/run. Use an active virtual environment, or name one: make test PYTHON=.venv/bin/python
 PYTHON ?= python
 
-.PHONY: help install format lint types test smoke bench speed ci
+.PHONY: help install format lint types test smoke bench speed same ci
 help:
 	@echo "make install | format | lint | types | test | smoke | bench | speed | ci"
+	@echo "make same OLD=another checkout: whether both drive equal episodes"
 
 install:
 	$(PYTHON) -m pip install -e ".[test]" -c constraints.txt
@@ -31,6 +32,10 @@ bench:
 
 speed:
 	$(PYTHON) -m lanekeep_benchmarks speed
+
+# For large changes of form: episodes equal another checkout's bit for bit. OLD=../old
+same:
+	$(PYTHON) tests/same_episodes.py $(OLD)
 
 ci:
 	bash .ci/run
