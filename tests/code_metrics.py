@@ -33,7 +33,7 @@ class Metric:
 
     def __str__(self) -> str:
         head = f"{self.name:44}{self.figure:>9}  aim {self.aim:8}{'' if self.met else '  missed'}"
-        return "\n".join([head, *(f"    {offender}" for offender in self.offenders)])
+        return "\n".join([head.rstrip(), *(f"    {offender}" for offender in self.offenders)])
 
 
 @dataclass(frozen=True)
