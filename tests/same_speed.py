@@ -11,6 +11,7 @@ process lies in memory is worth percents as well. Exit status 1 if anything is s
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 import numpy as np
 from side_by_side.cases import option_table
@@ -19,11 +20,11 @@ from side_by_side.checkouts import HERE, Worker, checked
 #: Least ratio that counts as equally fast.
 LEAST = 0.97
 #: Processor seconds of a burst.
-BURST = 0.03
+BURST = 0.01
 FORMS = ("single", "float64", "float32")
 
 
-def timed_pair(env_id: str, places: list[int], paths: list, rounds: int) -> dict[str, list[float]]:
+def timed_pair(env_id: str, places: list[int], paths: list[Path], rounds: int) -> dict[str, list[float]]:
     """Ratios old time / new time of one pair of processes, by form; ``places`` says which starts first."""
     workers = [Worker(path, "side_by_side.speed") for path in paths]
     spent = [0.0, 0.0]
@@ -65,7 +66,7 @@ def main() -> int:
         paths = [checked(given.old_checkout), HERE]
     except ValueError as error:
         parser.error(str(error))
-    pairs, rounds = (2, 4) if given.quick else (6, 8)
+    pairs, rounds = (3, 10) if given.quick else (6, 20)
     slower = 0
     print("new speed / old speed (95 % interval)\n")
     print(f"{'':24}" + "".join(f"{name:24}" for name in ("single", "1,024 float64", "1,024 float32", "start-up")))
