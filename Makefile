@@ -1,9 +1,9 @@
 # The same steps by hand and in .ci/run. Use an active virtual environment, or name one: make test PYTHON=.venv/bin/python
 PYTHON ?= python
 
-.PHONY: help install format lint types test smoke bench speed ci
+.PHONY: help install format lint types test smoke compat lowest bench speed ci
 help:
-	@echo "make install | format | lint | types | test | smoke | bench | speed | ci"
+	@echo "make install | format | lint | types | test | smoke | compat | lowest | bench | speed | ci"
 
 install:
 	$(PYTHON) -m pip install -e ".[test]" -c constraints.txt
@@ -25,6 +25,17 @@ test:
 # The built wheel with its light core alone, in a virtual environment of its own, outside the repository.
 smoke:
 	PYTHON="$(PYTHON)" bash .ci/smoke
+
+# A part of the tests (which: .ci/compat) with the lowest versions that are admitted and with the newest; Python 3.11.
+compat:
+	PYTHON="$(PYTHON)" bash .ci/compat
+
+# constraints-lowest.txt anew after a bound has changed; needs uv. Resolved as for macOS, where torch brings no CUDA
+# packages; the other pins are the same on Linux.
+lowest:
+	MACOSX_DEPLOYMENT_TARGET=14.0 uv pip compile pyproject.toml --extra test --resolution lowest-direct \
+		--python-version 3.11 --python-platform macos --constraint constraints-newest.txt --no-annotate \
+		--custom-compile-command "make lowest" --quiet --output-file constraints-lowest.txt
 
 bench:
 	$(PYTHON) -m lanekeep_benchmarks bench
