@@ -50,7 +50,7 @@ def kernel(*, parallel: bool = False) -> Callable[[Callable[..., Any]], Callable
         if numba.config.DISABLE_JIT:
             return _quiet(function)
         compiled = numba.njit(nogil=True, parallel=parallel, **_OPTIONS)(function)
-        compiled._cache = KernelCache(function)
+        compiled._cache = KernelCache(compiled)
         return compiled
 
     return compile_kernel

@@ -24,11 +24,11 @@ COMPILED_WITH = "compiled_with"
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), type(...))
 
 
-def fingerprint(function: FunctionType) -> str:
-    """Return the hash of what compiling ``function`` reads, 64 hexadecimal digits."""
-    reached = _Reached({"lanekeep_env", function.__module__.partition(".")[0]})
+def fingerprint(compiled: Dispatcher) -> str:
+    """Return the hash of what numba reads to compile a function, options included, 64 hexadecimal digits."""
+    reached = _Reached({"lanekeep_env", compiled.__module__.partition(".")[0]})
     reached.add((numba.__version__, np.__version__, sys.version_info[:2]))
-    reached.add(function)
+    reached.add(compiled)
     return reached.digest.hexdigest()
 
 

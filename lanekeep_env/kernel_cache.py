@@ -15,11 +15,12 @@ import re
 import time
 import uuid
 from pathlib import Path
-from types import FunctionType
 from typing import Any
 
 from numba.core.compiler import CompileResult
+from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
+from numba.core.sigutils import normalize_signature
 
 from lanekeep_env.files import read_bounded
 from lanekeep_env.fingerprint import fingerprint
@@ -49,13 +50,13 @@ def cache_root() -> Path:
 class KernelCache:
     """The cache of one kernel, in the place of numba's own; its methods are those that numba's dispatcher calls."""
 
-    def __init__(self, function: FunctionType) -> None:
-        self._function = function
+    def __init__(self, compiled: Dispatcher) -> None:
+        self._compiled = compiled
 
     @property
     def cache_path(self) -> str:
         """Folder of the kernel as it is now."""
-        return str(self._folder(fingerprint(self._function)))
+        return str(self._folder(fingerprint(self._compiled)))
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """Return the compiled code for ``signature``, or None where none is kept that can be used."""
@@ -67,6 +68,8 @@ class KernelCache:
             if payload is None:
                 return None
             result = CompileResult._rebuild(target_context, *pickle.loads(payload))
+            if tuple(result.signature.args) != tuple(normalize_signature(signature)[0]):
+                return None  # types that differ and are written alike
             _mark_used(path.parent)
             return result
         except Exception:
@@ -99,9 +102,9 @@ class KernelCache:
 
     def _place(self, signature: Any, codegen: Any) -> tuple[bytes, Path]:
         """Return the key of what is compiled, for which types and which processor, and its file."""
-        print_ = fingerprint(self._function)
+        print_ = fingerprint(self._compiled)
         key = hashlib.sha256("\0".join((print_, str(signature), *map(str, codegen.magic_tuple()))).encode())
-        name = re.sub(r"\W", "", self._function.__name__)
+        name = re.sub(r"\W", "", self._compiled.py_func.__name__)
         return key.digest(), self._folder(print_) / f"{name}-{key.hexdigest()[:16]}.nbc"
 
 
