@@ -54,8 +54,6 @@ class _Reached:
                 self.add(entry)
         elif isinstance(value, set | frozenset):
             self._write(type(value).__name__, sorted(map(repr, value)))
-        elif isinstance(value, dict):
-            self.add(list(value.items()))
         elif isinstance(value, np.ndarray | np.generic):
             self._write(value.dtype, value.shape)
             self.digest.update(value.tobytes())
@@ -78,14 +76,14 @@ class _Reached:
             return
         self._seen[id(value)] = len(self._seen), value
         if isinstance(value, Dispatcher):
-            self.add(value.targetoptions)
+            self.add(sorted(value.targetoptions.items()))
             self._add_function(value.py_func)
         elif isinstance(value, CodeType):
             self._add_code(value)
         elif isinstance(value, FunctionType) and self._own(value.__module__):
             self._add_function(value)
             if hasattr(value, COMPILED_WITH):
-                self.add(getattr(value, COMPILED_WITH))
+                self.add(sorted(getattr(value, COMPILED_WITH).items()))
             else:
                 self._add_whole_module(value.__module__)
         else:
