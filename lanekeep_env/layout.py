@@ -156,8 +156,7 @@ BACKWARDS = 68  # 1 where the car drives the road from its end to its start
 SLOPES = 69  # low and high of the sine of the road's rise
 WINDS = 71  # low and high of the headwind, m/s
 SPEED_REFERENCE = 73  # reference speed error of the running cost, m/s
-SLIP_FLOOR = 74  # the slip-speed floor, m/s
-BOUNDS = 75  # low and high of each channel follow, channel by channel
+BOUNDS = 74  # low and high of each channel follow, channel by channel
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 FAULTS = 8  # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample

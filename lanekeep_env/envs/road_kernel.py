@@ -427,66 +427,67 @@ def _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, t
 
 
 # One control step of the blocks ``begin`` to ``end``; one kernel a vehicle model, so that a process
-# compiles only what it uses. numba's cache wants kernels spelled out. ``equipment`` is (sensors, gear, camera, drive,
-# timelines), each None where the scenario has none: what it lacks is then no part of the kernel. (One tuple, since
-# numba takes a tenth of a microsecond to tell the type of a None.)
+# compiles only what it uses. numba's cache wants kernels spelled out. ``equipment`` is (sensors, gear,
+# slip-speed floor, camera, drive, timelines), each None where the scenario has none, or the usual one: what it
+# lacks is then no part of the kernel. (One tuple, since numba takes a tenth of a microsecond to tell the type of a
+# None.)
 
 
 @kernel()
 def step_kinematic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
+    sensors, gear, floor, camera, _, _ = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_kinematic(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            advance_kinematic(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
             cross_segments(k, lanes, counters, road)
-        show_kinematic(lanes[k], settings)
+        show_kinematic(lanes[k], floor)
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
 @kernel()
 def step_linear(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
+    sensors, gear, floor, camera, _, _ = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_linear(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            advance_linear(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
             cross_segments(k, lanes, counters, road)
-        show_linear(lanes[k], settings)
+        show_linear(lanes[k], floor)
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
 @kernel()
 def step_magic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
+    sensors, gear, floor, camera, _, _ = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_magic_formula(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            advance_magic_formula(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
             cross_segments(k, lanes, counters, road)
-        show_magic_formula(lanes[k], settings)
+        show_magic_formula(lanes[k], floor)
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
 @kernel()
 def step_front_driven(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
+    sensors, gear, floor, camera, _, _ = equipment
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_front_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            advance_front_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
             cross_segments(k, lanes, counters, road)
-        show_front_driven(lanes[k], settings)
+        show_front_driven(lanes[k], floor)
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
 @kernel()
 def step_driven(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, drive, timelines = equipment
+    sensors, gear, floor, camera, drive, timelines = equipment
     for k in range(begin, end):
         _surroundings(k, lanes, counters, settings, timelines)
         for substep in range(_command_drive(k, lanes, counters, settings, action)):
             _pull(k, lanes, counters, settings, drive)
-            advance_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            advance_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
             cross_segments(k, lanes, counters, road)
-        show_driven(lanes[k], settings)
+        show_driven(lanes[k], floor)
         _finish(
             k, lanes, counters, road, roads, settings, sensors, camera, drive, timelines, action, observation, outcome
         )
@@ -494,13 +495,15 @@ def step_driven(begin, end, lanes, counters, road, roads, settings, equipment, a
 
 @kernel()
 def step_kinematic_paced(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
+    sensors, gear, floor, camera, _, _ = equipment
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_kinematic_paced(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            advance_kinematic_paced(
+                lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor
+            )
             cross_segments(k, lanes, counters, road)
-        show_kinematic_paced(lanes[k], settings)
+        show_kinematic_paced(lanes[k], floor)
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
@@ -569,7 +572,7 @@ STEP_PARALLEL = {
 def reset(mask, start, lanes, counters, road, roads, settings, equipment, observation, outcome):
     """Start the next episode where ``mask`` is set; ``start`` (4, n) fixes what is not NaN."""
     size = lanes.shape[2]
-    sensors, _, camera, drive, timelines = equipment
+    sensors, _, _, camera, drive, timelines = equipment
     for k in range(mask.shape[0]):
         if mask[k]:
             first = k // size * size

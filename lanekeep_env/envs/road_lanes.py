@@ -134,7 +134,7 @@ class RoadLanes:
             s.road, s.speed, s.road.fingerprint(), s.episode_steps * s.control_step, self.dtype
         )
         # Flat: numba cannot hand a tuple of tuples to several threads.
-        self.equipment = self.sensors, self.gear, self._camera(), *self._drive()
+        self.equipment = self.sensors, self.gear, s.integration.lowered_floor, self._camera(), *self._drive()
         model = int(self.settings[at.MODEL])
         self.step = road_kernel.STEP[model]
         self.step_parallel = road_kernel.STEP_PARALLEL[model]
@@ -145,7 +145,7 @@ class RoadLanes:
         steering = s.vehicle.steering
         rate_mode = s.action == "steering_rate"
         step = s.integration.step
-        values[at.STEP_TIME], values[at.SLIP_FLOOR] = step, s.integration.slip_speed_floor
+        values[at.STEP_TIME] = step
         values[at.SUBSTEPS] = round(s.control_step / step)
         values[at.MODEL] = s.model
         values[at.IDEAL_STEERING] = steering.lag == 0.0 and steering.rate_limit is None
@@ -310,7 +310,7 @@ class RoadLanes:
         block, i = divmod(lane, self.lanes.shape[2])
         car = self.lanes[block, :, i].tolist()
         road, _ = self.road_set()[int(self.counters[at.ROAD, lane])]
-        edge = car[at.EDGE] if self.equipment[2] is not None else None
+        edge = car[at.EDGE] if self.equipment[3] is not None else None
         return Pose(
             road=road,
             s=car[at.STATION] + car[at.ALONG],

@@ -325,7 +325,7 @@ def _start(
     i, lane, lateral, heading, place, world, lanes, counters, worlds, settings, equipment, observation, outcome, block
 ):
     """Start the next episode of a lane: state, truth and observation."""
-    sensors, _, servo, numbers, beams, rows, fan, held = equipment
+    sensors, _, _, servo, numbers, beams, rows, fan, held = equipment
     walls, index, _, _, scratch = worlds
     counters[at.EPISODE, i] += 1
     start_between_walls(i, lateral, heading, place, world, lanes, counters, worlds, settings, servo, block)
@@ -347,7 +347,7 @@ def _finish(k, lanes, counters, worlds, settings, equipment, observation, outcom
     begin = k * lanes.shape[2]
     end = min(begin + lanes.shape[2], counters.shape[1])
     block, counted, told, seen = lanes[k], counters[:, begin:end], outcome[:, begin:end], observation[begin:end]
-    sensors, _, _, numbers, beams, rows, fan, held = equipment
+    sensors, _, _, _, numbers, beams, rows, fan, held = equipment
     scan = (numbers, beams, rows, fan, held)
     mode = np.int64(settings[at.AUTORESET])
     zero, one, nan = like(block[0, 0], 0.0), like(block[0, 0], 1.0), np.nan
@@ -376,29 +376,29 @@ def _finish(k, lanes, counters, worlds, settings, equipment, observation, outcom
 
 
 # One kernel a vehicle model. ``worlds`` is (walls, index, centre lines, starts, scratch), ``equipment`` (sensors, gear,
-# servo, and five arrays of the scan), all but the first None where the scenario has none; flat, since numba's threads
-# take no tuple within a tuple.
+# slip-speed floor, servo, and five arrays of the scan), all but the first None where the scenario has none; flat, since
+# numba's threads take no tuple within a tuple.
 
 
 @kernel()
 def step_kinematic(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    gear, servo = equipment[1], equipment[2]
+    gear, floor, servo = equipment[1], equipment[2], equipment[3]
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, servo, action)):
-            advance_kinematic_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear)
-        show_kinematic_paced(lanes[k], settings)
+            advance_kinematic_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear, floor)
+        show_kinematic_paced(lanes[k], floor)
         _finish(k, lanes, counters, worlds, settings, equipment, observation, outcome)
 
 
 @kernel()
 def step_linear(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    gear, servo = equipment[1], equipment[2]
+    gear, floor, servo = equipment[1], equipment[2], equipment[3]
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, servo, action)):
-            advance_linear_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear)
-        show_linear_paced(lanes[k], settings)
+            advance_linear_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear, floor)
+        show_linear_paced(lanes[k], floor)
         _finish(k, lanes, counters, worlds, settings, equipment, observation, outcome)
 
 

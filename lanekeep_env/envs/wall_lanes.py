@@ -127,7 +127,13 @@ class WallLanes:
         gear = None
         if steering.backlash > 0.0:
             gear = np.array([steering.backlash / 2, steering.feedback == "motor"], dtype=self.dtype)
-        self.equipment = self.sensors, gear, s.servo.table(self._limit()), *self._scan(scratch)
+        self.equipment = (
+            self.sensors,
+            gear,
+            s.integration.lowered_floor,
+            s.servo.table(self._limit()),
+            *self._scan(scratch),
+        )
         model = int(self.settings[at.MODEL])
         self.step = wall_kernel.STEP[model]
         self.step_parallel = wall_kernel.STEP_PARALLEL[model]
@@ -146,7 +152,7 @@ class WallLanes:
         step = s.integration.step
         values = np.zeros(at.BOUNDS + 2 * self.num_channels, dtype=self.dtype)
         rate_mode = s.action == "steering_rate"
-        values[at.STEP_TIME], values[at.SLIP_FLOOR] = step, s.integration.slip_speed_floor
+        values[at.STEP_TIME] = step
         values[at.SUBSTEPS] = round(s.control_step / step)
         values[at.MODEL] = s.model
         values[at.IDEAL_STEERING] = steering.lag == 0.0 and steering.rate_limit is None

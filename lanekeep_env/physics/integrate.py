@@ -76,7 +76,7 @@ def integrator(rates: Callable[..., Any], paced: bool = False, driven: bool = Fa
 
     @helper
     @_named(rates, paced, driven)
-    def advance(lanes, command_row, settings, gear):
+    def advance(lanes, command_row, settings, gear, floor):
         """Advance the lanes of a block by one sub-step, in place; ``command_row`` holds the steering command."""
         along_, d_, theta_ = lanes[at.ALONG], lanes[at.LATERAL], lanes[at.HEADING]
         beta_, r_, steer_, command_ = lanes[at.SIDESLIP], lanes[at.YAW_RATE], lanes[at.STEER], lanes[command_row]
@@ -88,7 +88,7 @@ def integrator(rates: Callable[..., Any], paced: bool = False, driven: bool = Fa
         response_, change_ = lanes[at.STEER_RESPONSE], lanes[at.STEER_CHANGE]
         motor_, share_ = lanes[at.MOTOR], lanes[at.STEER_GAIN]
         pace_, target_, pull_ = lanes[at.SPEED], lanes[at.SPEED_TARGET], lanes[at.PULL]
-        h, floor = settings[at.STEP_TIME], settings[at.SLIP_FLOOR]
+        h = settings[at.STEP_TIME]
         widest, fastest = like(h, LARGEST_SIDESLIP), like(h, LARGEST_YAW_RATE)
         ideal = settings[at.IDEAL_STEERING] > like(h, 0.0)
         half = h * like(h, 0.5)
@@ -152,7 +152,7 @@ def shower(outputs: Callable[..., Any], paced: bool = False, driven: bool = Fals
 
     @helper
     @_named(outputs, paced, driven)
-    def show(lanes, settings):
+    def show(lanes, floor):
         """Write the rows SPEED, SIDESLIP, YAW_RATE and ACCELERATION of a block; wrap its headings."""
         along_, speed_, gain_ = lanes[at.ALONG], lanes[at.SPEED_SQUARED], lanes[at.SPEED_SQUARED_SLOPE]
         theta_, beta_, r_, steer_ = lanes[at.HEADING], lanes[at.SIDESLIP], lanes[at.YAW_RATE], lanes[at.STEER]
@@ -160,13 +160,14 @@ def shower(outputs: Callable[..., Any], paced: bool = False, driven: bool = Fals
         stiff_f_, stiff_r_ = lanes[at.CAR + 4], lanes[at.CAR + 5]
         peak_f_, peak_r_ = lanes[at.CAR + 6], lanes[at.CAR + 7]
         v_, acceleration_ = lanes[at.SPEED], lanes[at.ACCELERATION]
-        floor = settings[at.SLIP_FLOOR]
         for i in range(lanes.shape[1]):
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
             v = v_[i] if paced or driven else _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
             v_[i] = v
             theta_[i] = wrapped(theta_[i])
-            beta_[i], r_[i], acceleration_[i] = outputs(beta_[i], r_[i], steer_[i], v, car)
+            beta = clip(beta_[i], -like(v, LARGEST_SIDESLIP), like(v, LARGEST_SIDESLIP))
+            r = clip(r_[i], -like(v, LARGEST_YAW_RATE), like(v, LARGEST_YAW_RATE))
+            beta_[i], r_[i], acceleration_[i] = outputs(beta, r, steer_[i], v, car)
 
     return show
 

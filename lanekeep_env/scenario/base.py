@@ -15,7 +15,6 @@ import numpy as np
 from lanekeep_env.checks import choose, nearest, plain_numbers, require
 from lanekeep_env.physics.integrate import LARGEST_SPEED
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
-from lanekeep_env.physics.single_track import SLIP_SPEED_FLOOR
 from lanekeep_env.randomisation import Randomisation, randomisation_from
 from lanekeep_env.roads import LimitedSpeed, RandomRoads, RoadSpec, SpeedSpec, road_from
 from lanekeep_env.scenario.integration import Integration, rolling, slipping
@@ -141,7 +140,7 @@ class ScenarioRecord:
 
     def _fingerprint(self) -> dict[str, Any]:
         """`to_dict` with what stands for the content of files, and an integration unlike other cars'."""
-        ordinary = self.integration == Integration(self.base_step, SLIP_SPEED_FLOOR)
+        ordinary = self.integration == Integration(self.base_step)
         return self.to_dict() if ordinary else {**self.to_dict(), "integration": asdict(self.integration)}
 
     @cached_property
