@@ -54,8 +54,10 @@ def test_every_environment_runs_without_the_compiler(name, interpreted):
     np.testing.assert_allclose(interpreted[name], compiled, rtol=1e-9, atol=1e-9)
 
 
-CAR = (1.2, 1.4, 1 / 1500.0, 1 / 2500.0, 8e4, 9e4, 6e3, 5e3)
+CAR = (1.2, 1.4, 1 / 1500.0, 1 / 2500.0, 8e4, 9e4, 6e3, 5e3, None)
 STATE = (0.3, -0.05, 0.02, 0.1, 0.04, 23.0, 0.002, CAR)
+#: Slower than its own slip-speed floor.
+SLOW = (0.3, -0.05, 0.02, 0.1, 0.04, 0.1, 0.002, (*CAR[:-1], 0.3))
 DRIVE = np.linspace(0.5, 3.0, 40)
 #: Calls of scalar functions with floats alone.
 CALLS = [
@@ -69,6 +71,8 @@ CALLS = [
     (single_track.front_driven, STATE),
     (single_track.dynamic_linear, STATE),
     (single_track.dynamic_magic_formula, STATE),
+    (single_track.dynamic_linear, SLOW),
+    (single_track.dynamic_magic_formula, SLOW),
     (single_track.magic_formula_outputs, (0.02, 0.1, 0.04, 23.0, CAR)),
     (steering.advance_steering, (0.1, 0.2, 0.3, 0.05)),
     (steering.advance_gear, (0.1, 0.08, 0.2, 0.3, 0.4, 0.05, 0.01, False)),
