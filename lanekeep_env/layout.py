@@ -79,7 +79,12 @@ LEAD_GAP = 65  # to the car ahead, m; FAR for none
 LEAD_SPEED = 66  # m/s
 STOP_GAP = 67  # to the stop point, m; FAR for none
 EVENT = 68  # number of the timeline's next event
-LANE_ROWS = 69  # further rows, as many as needed: commands (newest first), then the sensors' rows
+CURVATURE_HERE = 69  # of the road at the car, 1/m; where the observation is full
+# Between walls, of the control step:
+ERROR = 70  # lateral, m
+TURNED = 71  # heading error, rad
+SCAN_NEW = 72  # 1 where the scan was renewed
+LANE_ROWS = 73  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the lane (a uint64, reinterpreted)
@@ -156,7 +161,9 @@ BACKWARDS = 68  # 1 where the car drives the road from its end to its start
 SLOPES = 69  # low and high of the sine of the road's rise
 WINDS = 71  # low and high of the headwind, m/s
 SPEED_REFERENCE = 73  # reference speed error of the running cost, m/s
-BOUNDS = 74  # low and high of each channel follow, channel by channel
+FIRST_PREVIEW = 74  # channel of the first preview sample, or beam of the scan
+CHANNELS = 75  # low, high and source (a row of the lanes, -1 for none) of each channel follow, channel by channel
+CHANNEL_SIZE = 3
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 FAULTS = 8  # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample

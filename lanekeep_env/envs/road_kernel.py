@@ -13,6 +13,7 @@ from numba import prange
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, kernel
 from lanekeep_env.envs.delay import acting_row, delay_commands
+from lanekeep_env.envs.observe import gather
 from lanekeep_env.envs.road_start import cross_segments, set_speeds, start_drive, start_lane
 from lanekeep_env.physics.integrate import (
     advance_driven,
@@ -201,26 +202,12 @@ def _report(first, last, lanes, outcome):
         outcome[at.O_SUCCESS, i] = like(lanes[0, 0], 1.0) - lanes[at.DEPARTED, i]
 
 
-#: Channels that are rows of the state as they stand, without and with a camera.
-STATE_CHANNELS = 6
-CAMERA_CHANNELS = 5
-#: Channels of a full observation, and those of cars with a powertrain, behind the others.
-FULL_CHANNELS = 3
-DRIVE_ROWS = (
-    at.PULL,
-    at.PEDAL,
-    at.GEAR,
-    at.SET_SPEED,
-    at.LEAD_GAP,
-    at.LEAD_SPEED,
-    at.STOP_GAP,
-)
-
-
 @helper
-def _preview(first, last, samples, column, lanes, counters, road, settings, observation):
+def _preview(first, last, samples, lanes, counters, road, settings, observation):
     """Write curvature at the car and ahead of it, along the road at the present speed or at fixed distances."""
-    low, high = settings[at.BOUNDS + 2 * column], settings[at.BOUNDS + 2 * column + 1]
+    column = np.int64(settings[at.FIRST_PREVIEW])
+    place = at.CHANNELS + at.CHANNEL_SIZE * column
+    low, high = settings[place], settings[place + 1]
     rows = road.shape[0]
     for i in range(first, last):
         segment = counters[at.SEGMENT, i]
@@ -244,71 +231,23 @@ def _preview(first, last, samples, column, lanes, counters, road, settings, obse
 
 
 @helper
-def _observe(first, last, lanes, counters, road, settings, sensors, camera, drive, observation):
-    """Write the observations of lanes; the order is that of the scenario's channels."""
+def _observe(first, last, lanes, counters, road, settings, sensors, camera, observation):
+    """Write the observations of lanes: what their rows hold, the road ahead, and what sensors make of it."""
     # None or not is decided when the kernel is compiled, by the type of the argument.
-    if camera is None:
-        _observe_state(first, last, lanes, counters, road, settings, observation)
-    else:
-        _observe_edge(first, last, lanes, counters, road, settings, camera, observation)
-    if drive is not None:
-        _observe_drive(first, last, lanes, settings, observation)
+    if camera is not None:
+        for i in range(first, last):
+            lanes[at.EDGE, i] = edge_distance(i, lanes, counters, road, camera)
+    if settings[at.FULL] > like(settings[0], 0.0):
+        for i in range(first, last):
+            along = larger(lanes[at.ALONG, i], like(lanes[0, 0], 0.0))
+            lanes[at.CURVATURE_HERE, i] = lanes[at.CURVATURE, i] + lanes[at.CURVATURE_SLOPE, i] * along
+    gather(first, last, lanes, settings, observation)
+    samples = np.int64(settings[at.PREVIEW])
+    if samples > 0:
+        _preview(first, last, samples, lanes, counters, road, settings, observation)
     if sensors is not None:
         for i in range(first, last):
             measure(i, lanes, counters, settings, sensors, observation)
-
-
-@helper
-def _observe_state(first, last, lanes, counters, road, settings, observation):
-    """Write the channels of lane keeping."""
-    for channel in range(STATE_CHANNELS):
-        low, high = settings[at.BOUNDS + 2 * channel], settings[at.BOUNDS + 2 * channel + 1]
-        row = lanes[at.LATERAL + channel]
-        for i in range(first, last):
-            observation[i, channel] = clip(row[i], low, high)
-    samples = np.int64(settings[at.PREVIEW])
-    if samples > 0:
-        _preview(first, last, samples, np.int64(STATE_CHANNELS), lanes, counters, road, settings, observation)
-    if settings[at.FULL] > like(settings[0], 0.0):
-        channel = STATE_CHANNELS + samples
-        place = at.BOUNDS + 2 * channel
-        for i in range(first, last):
-            along = larger(lanes[at.ALONG, i], like(lanes[0, 0], 0.0))
-            kappa = lanes[at.CURVATURE, i] + lanes[at.CURVATURE_SLOPE, i] * along
-            observation[i, channel] = clip(lanes[at.SIDESLIP, i], settings[place], settings[place + 1])
-            observation[i, channel + 1] = clip(kappa, settings[place + 2], settings[place + 3])
-            observation[i, channel + 2] = clip(lanes[at.ACCELERATION, i], settings[place + 4], settings[place + 5])
-
-
-@helper
-def _observe_drive(first, last, lanes, settings, observation):
-    """Write the channels of pedals, gears and traffic, behind those of lane keeping."""
-    begin = STATE_CHANNELS + np.int64(settings[at.PREVIEW])
-    if settings[at.FULL] > like(settings[0], 0.0):
-        begin += FULL_CHANNELS
-    for i in range(first, last):
-        for k, row in enumerate(DRIVE_ROWS):
-            place = at.BOUNDS + 2 * (begin + k)
-            observation[i, begin + k] = clip(lanes[row, i], settings[place], settings[place + 1])
-
-
-@helper
-def _observe_edge(first, last, lanes, counters, road, settings, camera, observation):
-    """Write the channels of guidance by camera; the measured ones (edge, speed, steering angle) are `measure`'s."""
-    for i in range(first, last):
-        lanes[at.EDGE, i] = edge_distance(i, lanes, counters, road, camera)
-        command = CAMERA_CHANNELS - 1
-        place = at.BOUNDS + 2 * command
-        observation[i, command] = clip(lanes[at.COMMAND, i], settings[place], settings[place + 1])
-    samples = np.int64(settings[at.PREVIEW])
-    if samples > 0:
-        _preview(first, last, samples, np.int64(CAMERA_CHANNELS), lanes, counters, road, settings, observation)
-    if settings[at.FULL] > like(settings[0], 0.0):
-        for i in range(first, last):
-            for k, row in enumerate((at.LATERAL, at.HEADING, at.MOTOR)):
-                channel = CAMERA_CHANNELS + samples + k
-                place = at.BOUNDS + 2 * channel
-                observation[i, channel] = clip(lanes[row, i], settings[place], settings[place + 1])
 
 
 @helper
@@ -339,7 +278,7 @@ def _start(
     outcome[at.O_STEERING_RATE, i] = zero
     outcome[at.O_COST, i] = zero
     _report(i, i + 1, lanes, outcome)
-    _observe(i, i + 1, lanes, counters, road, settings, sensors, camera, drive, observation)
+    _observe(i, i + 1, lanes, counters, road, settings, sensors, camera, observation)
 
 
 @helper
@@ -422,7 +361,7 @@ def _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, t
     )
     begin = np.int64(0)  # a literal would be a type of its own and compile both functions twice
     _report(begin, n, block, told)
-    _observe(begin, n, block, counted, road, settings, sensors, camera, drive, seen)
+    _observe(begin, n, block, counted, road, settings, sensors, camera, seen)
     _restart(n, block, counted, road, roads, settings, sensors, camera, drive, timelines, seen, told)
 
 

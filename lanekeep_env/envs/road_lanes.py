@@ -20,7 +20,6 @@ from lanekeep_env.scenario import (
     ReversePathScenario,
     RoadScenario,
 )
-from lanekeep_env.sensing import Sensor
 from lanekeep_env.sensing.measure import TRUTH
 
 ACTIONS = {"steering_angle": at.STEERING_ANGLE, "steering_rate": at.STEERING_RATE}
@@ -141,7 +140,7 @@ class RoadLanes:
 
     def _settings(self) -> np.ndarray:
         s = self.scenario
-        values = np.zeros(at.BOUNDS + 2 * self.num_channels, dtype=self.dtype)
+        values = np.zeros(at.CHANNELS + at.CHANNEL_SIZE * self.num_channels, dtype=self.dtype)
         steering = s.vehicle.steering
         rate_mode = s.action == "steering_rate"
         step = s.integration.step
@@ -192,28 +191,16 @@ class RoadLanes:
         if longest > 0.0:
             values[at.DELAY_DEPTH] = round(longest / step) // values[at.SUBSTEPS] + 2
         values[at.HORIZON] = s.episode_steps
-        values[at.BOUNDS :] = s.channel_bounds().ravel()
+        values[at.CHANNELS :] = s.channel_table().ravel()
+        values[at.FIRST_PREVIEW] = s.column(s.preview_channel)
         return values
 
     def _sensors(self) -> np.ndarray | None:
-        """Numbers of the sensors, (channels, `layout.SENSOR_SIZE`), or None where all are perfect and always see."""
+        """Numbers of the sensors, or None where all are perfect and always see."""
         s = self.scenario
-        if not s.sensors and not any(measured.valid for measured in s.measured):
+        if not s.sensors and not any(channel.sensor and channel.sensor.valid for channel in s.channels):
             return None
-        given = dict(s.sensors)
-        column = {channel.name: k for k, channel in enumerate(s.channels)}
-        rows = [
-            (
-                *given.get(measured.name, Sensor()).numbers(s.control_step),
-                measured.source,
-                column[measured.name],
-                column[measured.valid] if measured.valid else -1,
-                measured.missing,
-                measured.holds,
-            )
-            for measured in s.measured
-        ]
-        return np.array(rows, dtype=self.dtype)
+        return s.sensor_table().astype(self.dtype)
 
     def _gear(self) -> np.ndarray | None:
         """Numbers of the steering gear, (`layout.GEAR_SIZE`,), or None without backlash."""

@@ -15,7 +15,6 @@ from lanekeep_env.envs import wall_kernel
 from lanekeep_env.envs.road_lanes import ACTIONS, BLOCK, DEPARTURES
 from lanekeep_env.rendering.wall_picture import WallPose
 from lanekeep_env.scenario.walls import CircuitScenario, WallFollowScenario
-from lanekeep_env.sensing import Sensor
 from lanekeep_env.sensing.measure import TRUTH
 from lanekeep_env.walls import World, WorldRecord, pack
 from lanekeep_env.walls.raycast import SCRATCH_ROWS, beam_table
@@ -96,7 +95,7 @@ class WallLanes:
         self.settings[at.AUTORESET] = autoreset
         self.settings[at.MAX_STEPS] = max_steps or np.inf
         blocks = -(-num_lanes // BLOCK)
-        self.sensors = self._sensors()
+        self.sensors = scenario.sensor_table().astype(dtype)
         rows = at.LANE_ROWS + int(self.settings[at.DELAY_DEPTH]) + int((TRUTH + 1 + self.sensors[:, 4]).sum())
         self.lanes = np.zeros((blocks, rows, -(-num_lanes // blocks)), dtype=dtype)
         self.lanes[:, at.SPEED_SQUARED] = np.inf
@@ -150,7 +149,7 @@ class WallLanes:
     def _settings(self) -> np.ndarray:
         s, car, steering = self.scenario, self.scenario.vehicle, self.scenario.vehicle.steering
         step = s.integration.step
-        values = np.zeros(at.BOUNDS + 2 * self.num_channels, dtype=self.dtype)
+        values = np.zeros(at.CHANNELS + at.CHANNEL_SIZE * self.num_channels, dtype=self.dtype)
         rate_mode = s.action == "steering_rate"
         values[at.STEP_TIME] = step
         values[at.SUBSTEPS] = round(s.control_step / step)
@@ -198,26 +197,9 @@ class WallLanes:
         values[at.BODY] = 0.5 * (front - rear)
         values[at.BODY + 1], values[at.BODY + 2] = 0.5 * car.length, 0.5 * car.width
         values[at.FRONT_ARM] = values[at.BODY] + 0.5 * car.length
-        values[at.BOUNDS :] = s.channel_bounds().ravel()
+        values[at.CHANNELS :] = s.channel_table().ravel()
+        values[at.FIRST_PREVIEW] = s.column("scan_0")
         return values
-
-    def _sensors(self) -> np.ndarray:
-        """Numbers of the scalar sensors, (channels, `layout.SENSOR_SIZE`)."""
-        s = self.scenario
-        given = dict(s.sensors)
-        column = {channel.name: k for k, channel in enumerate(s.channels)}
-        rows = [
-            (
-                *given.get(measured.name, Sensor()).numbers(s.control_step),
-                measured.source,
-                column[measured.name],
-                -1,
-                measured.missing,
-                measured.holds,
-            )
-            for measured in s.measured
-        ]
-        return np.array(rows, dtype=self.dtype)
 
     def _scan(self, scratch: np.ndarray) -> tuple[np.ndarray | None, ...]:
         """The scan's numbers, beams, scratch arrays and the ranges shown last, or None for each without a scan."""

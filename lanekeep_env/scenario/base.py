@@ -12,13 +12,14 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, nearest, plain_numbers, require
 from lanekeep_env.physics.integrate import LARGEST_SPEED
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
 from lanekeep_env.randomisation import Randomisation, randomisation_from
 from lanekeep_env.roads import LimitedSpeed, RandomRoads, RoadSpec, SpeedSpec, road_from
 from lanekeep_env.scenario.integration import Integration, rolling, slipping
-from lanekeep_env.sensing.faults import Sensors, sensors_to_dict
+from lanekeep_env.sensing.faults import Sensor, Sensors, sensors_to_dict
 
 #: Integration step of every vehicle model, s; control steps and delays are multiples of it.
 INTEGRATION_STEP = 0.01
@@ -33,22 +34,23 @@ class Channel:
     low: float
     high: float
     description: str
+    #: Row of the kernel's lanes that it shows, or that holds the truth of its sensor; None for what something else
+    #: writes: a preview, a scan, the flags of sensors.
+    source: int | None = None
+    #: What measures it, None for what is known.
+    sensor: Measured | None = None
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A channel that comes from a sensor.
+    """That a channel comes from a sensor, and what it shows where that sees nothing.
 
     Attributes:
-        name: the channel's.
-        source: row of the kernel's lanes that holds the truth.
         valid: channel that tells whether the last sample saw anything, None where it always does.
         missing: value until anything was seen ...
         holds: ... and after that the last one is held; otherwise ``missing`` is shown whenever nothing is seen.
     """
 
-    name: str
-    source: int
     valid: str | None = None
     missing: float = 0.0
     holds: bool = True
@@ -102,11 +104,6 @@ class ScenarioRecord:
                 raise TypeError(f"unknown keyword {key!r}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
         return cls(**keywords)
 
-    @property
-    def measured(self) -> tuple[Measured, ...]:
-        """The channels that come from sensors, in the order of the observation."""
-        raise NotImplementedError
-
     def _channels(self) -> list[Channel]:
         """All channels but those that tell of new samples."""
         raise NotImplementedError
@@ -123,6 +120,27 @@ class ScenarioRecord:
     def channel_bounds(self) -> np.ndarray:
         """Low and high of each channel as float32, shape (channels, 2)."""
         return np.array([(c.low, c.high) for c in self.channels], dtype=np.float32)
+
+    def column(self, name: str) -> int:
+        """Column of a channel in the observation, -1 for one that is not there."""
+        return next((k for k, channel in enumerate(self.channels) if channel.name == name), -1)
+
+    def channel_table(self) -> np.ndarray:
+        """Low, high and source (-1 for none) of each channel, (channels, `layout.CHANNEL_SIZE`)."""
+        sources = [-1 if c.source is None else c.source for c in self.channels]
+        return np.column_stack([self.channel_bounds(), sources])
+
+    def sensor_table(self) -> np.ndarray:
+        """Numbers of the sensors in the order of their channels, (measured channels, `layout.SENSOR_SIZE`)."""
+        faults, column = dict(self.sensors), {channel.name: k for k, channel in enumerate(self.channels)}
+        rows = []
+        for channel in self.channels:
+            if channel.sensor is not None:
+                numbers = faults.get(channel.name, Sensor()).numbers(self.control_step)
+                valid = -1 if channel.sensor.valid is None else column[channel.sensor.valid]
+                shown = (column[channel.name], valid, channel.sensor.missing, channel.sensor.holds)
+                rows.append((*numbers, channel.source, *shown))
+        return np.array(rows, dtype=np.float64)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the scenario as JSON-able values; `from_keywords` reads them back."""
@@ -199,6 +217,8 @@ class RoadScenario(ScenarioRecord):
         "road": road_from,
         "randomisation": randomisation_from,
     }
+    #: The first of the channels that show the road ahead.
+    preview_channel: ClassVar[str] = "curvature_preview_0"
     #: How much road a picture shows, m.
     view: ClassVar[float] = 100.0
 
@@ -283,8 +303,8 @@ def steering_channels() -> list[Channel]:
     """The two channels of every steering actuator."""
     angle = 1.6
     return [
-        Channel("steering_angle", "rad", -angle, angle, "road wheel, left positive"),
-        Channel("steering_command", "rad", -angle, angle, "command that last entered the actuator"),
+        Channel("steering_angle", "rad", -angle, angle, "road wheel, left positive", at.STEER, Measured()),
+        Channel("steering_command", "rad", -angle, angle, "command that last entered the actuator", at.COMMAND),
     ]
 
 

@@ -90,6 +90,7 @@ class CameraLaneScenario(RoadScenario):
         "camera": camera_from,
         "sensors": partial(sensors_from, channels=CAMERA_CHANNELS, sets=CAMERA_SENSOR_SETS),
     }
+    preview_channel: ClassVar[str] = "planned_curvature_0"
     view: ClassVar[float] = 40.0
 
     def _check(self) -> None:
@@ -123,23 +124,14 @@ class CameraLaneScenario(RoadScenario):
         """Distance of the camera's look-ahead point from the rear axle, l + f, m."""
         return self.vehicle.wheelbase + self.camera.look_ahead
 
-    @property
-    def measured(self) -> tuple[Measured, ...]:
-        """The channels that come from sensors, in the order of the observation."""
-        return (
-            Measured("edge_distance", at.EDGE, valid="edge_valid", missing=self.set_distance),
-            Measured("speed", at.SPEED),
-            Measured("steering_angle", at.STEER),
-        )
-
     def _channels(self) -> list[Channel]:
         side, ahead = self.camera.edge, f"{self.camera.look_ahead:g} m ahead of the front axle"
+        camera = Measured(valid="edge_valid", missing=self.set_distance)
+        shown = f"of the body's axis {ahead} from the {side} edge; held if lost"
         channels = [
-            Channel(
-                "edge_distance", "m", -20.0, 20.0, f"of the body's axis {ahead} from the {side} edge; held if lost"
-            ),
+            Channel("edge_distance", "m", -20.0, 20.0, shown, at.EDGE, camera),
             Channel("edge_valid", "", 0.0, 1.0, "1 where the camera's last picture showed the edge, else 0"),
-            Channel("speed", "m/s", 0.0, 100.0, "of the front wheels"),
+            Channel("speed", "m/s", 0.0, 100.0, "of the front wheels", at.SPEED, Measured()),
             *steering_channels(),
         ]
         for k in range(self.plan):
@@ -147,9 +139,11 @@ class CameraLaneScenario(RoadScenario):
             channels.append(Channel(f"planned_curvature_{k}", "1/m", -1.0, 1.0, f"of the road {where}, left positive"))
         if self.observation == "full":
             channels += [
-                Channel("lateral_error", "m", -20.0, 20.0, "rear axle left of the lane's centre"),
-                Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the road's, left positive"),
-                Channel("motor_angle", "rad", -1.6, 1.6, "of the steering motor, in terms of the road wheel"),
+                Channel("lateral_error", "m", -20.0, 20.0, "rear axle left of the lane's centre", at.LATERAL),
+                Channel(
+                    "heading_error", "rad", -math.pi, math.pi, "heading minus the road's, left positive", at.HEADING
+                ),
+                Channel("motor_angle", "rad", -1.6, 1.6, "of the steering motor, in terms of the road wheel", at.MOTOR),
             ]
         return channels
 

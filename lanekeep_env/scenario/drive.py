@@ -224,11 +224,13 @@ class DriveScenario(LaneKeepScenario):
         far = float(at.FAR)
         return [
             *super()._channels(),
-            Channel("acceleration", "m/s²", -20.0, 20.0, "longitudinal"),
-            Channel("pedal", "", -1.0, 1.0, "what was asked for: throttle where positive, brake where negative"),
-            Channel("gear", "", 0.0, 7.0, "0 for the first"),
-            Channel("set_speed", "m/s", 0.0, 100.0, "asked for"),
-            Channel("lead_gap", "m", 0.0, far, f"to the car ahead, {far:g} without one"),
-            Channel("lead_speed", "m/s", 0.0, 100.0, "of the car ahead"),
-            Channel("stop_gap", "m", -far, far, f"to the stop point, {far:g} without one"),
+            Channel("acceleration", "m/s²", -20.0, 20.0, "longitudinal", at.PULL),
+            Channel(
+                "pedal", "", -1.0, 1.0, "what was asked for: throttle where positive, brake where negative", at.PEDAL
+            ),
+            Channel("gear", "", 0.0, 7.0, "0 for the first", at.GEAR),
+            Channel("set_speed", "m/s", 0.0, 100.0, "asked for", at.SET_SPEED),
+            Channel("lead_gap", "m", 0.0, far, f"to the car ahead, {far:g} without one", at.LEAD_GAP),
+            Channel("lead_speed", "m/s", 0.0, 100.0, "of the car ahead", at.LEAD_SPEED),
+            Channel("stop_gap", "m", -far, far, f"to the stop point, {far:g} without one", at.STOP_GAP),
         ]

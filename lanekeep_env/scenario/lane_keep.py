@@ -78,17 +78,15 @@ class LaneKeepScenario(RoadScenario):
         slowest = min(float(speeds.min()) for _, speeds in road_set(self.road, self.speed))
         return slowest * math.sqrt(factor)
 
-    @property
-    def measured(self) -> tuple[Measured, ...]:
-        """The channels that come from sensors, in the order of the observation."""
-        return tuple(Measured(name, at.LATERAL + k) for k, name in enumerate(MEASURED_CHANNELS))
-
     def _channels(self) -> list[Channel]:
+        seen = Measured()
         channels = [
-            Channel("lateral_error", "m", -20.0, 20.0, "centre of gravity left of the lane's centre"),
-            Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the road's, left positive"),
-            Channel("yaw_rate", "rad/s", -4.0, 4.0, "left positive"),
-            Channel("speed", "m/s", 0.0, 100.0, "present speed"),
+            Channel("lateral_error", "m", -20.0, 20.0, "centre of gravity left of the lane's centre", at.LATERAL, seen),
+            Channel(
+                "heading_error", "rad", -math.pi, math.pi, "heading minus the road's, left positive", at.HEADING, seen
+            ),
+            Channel("yaw_rate", "rad/s", -4.0, 4.0, "left positive", at.YAW_RATE, seen),
+            Channel("speed", "m/s", 0.0, 100.0, "present speed", at.SPEED, seen),
             *steering_channels(),
         ]
         for k in range(self.preview):
@@ -96,9 +94,16 @@ class LaneKeepScenario(RoadScenario):
             channels.append(Channel(f"curvature_preview_{k}", "1/m", -1.0, 1.0, f"of the road {ahead}, left positive"))
         if self.observation == "full":
             channels += [
-                Channel("sideslip", "rad", -math.pi, math.pi, "course minus heading"),
-                Channel("curvature", "1/m", -1.0, 1.0, "of the road at the car, left positive"),
-                Channel("lateral_acceleration", "m/s²", -50.0, 50.0, "of the centre of gravity, left positive"),
+                Channel("sideslip", "rad", -math.pi, math.pi, "course minus heading", at.SIDESLIP),
+                Channel("curvature", "1/m", -1.0, 1.0, "of the road at the car, left positive", at.CURVATURE_HERE),
+                Channel(
+                    "lateral_acceleration",
+                    "m/s²",
+                    -50.0,
+                    50.0,
+                    "of the centre of gravity, left positive",
+                    at.ACCELERATION,
+                ),
             ]
         return channels
 

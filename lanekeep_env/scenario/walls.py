@@ -329,16 +329,6 @@ class WallFollowScenario(ScenarioRecord):
         """Speed that action 1 asks for, m/s; 0 where speed is no action."""
         return 0.0
 
-    @property
-    def measured(self) -> tuple[Measured, ...]:
-        """The channels that come from scalar sensors, in the order of the observation."""
-        return (
-            *(Measured(f"distance_{side}", row, missing=0.0, holds=False) for side, row in _ULTRASONICS),
-            Measured("yaw_rate", at.YAW_RATE),
-            Measured("speed", at.WHEEL_SPEED),
-            Measured("steering_angle", at.STEER),
-        )
-
     def _channels(self) -> list[Channel]:
         far = ULTRASONIC[1]
         channels = [
@@ -348,12 +338,14 @@ class WallFollowScenario(ScenarioRecord):
                 0.0,
                 far,
                 f"of the nearest wall in the ultrasonic's cone to the {side}, 0: no echo",
+                row,
+                Measured(missing=0.0, holds=False),
             )
-            for side, _ in _ULTRASONICS
+            for side, row in _ULTRASONICS
         ]
         channels += [
-            Channel("yaw_rate", "rad/s", -20.0, 20.0, "left positive"),
-            Channel("speed", "m/s", -20.0, 20.0, "of the wheels, by the encoder"),
+            Channel("yaw_rate", "rad/s", -20.0, 20.0, "left positive", at.YAW_RATE, Measured()),
+            Channel("speed", "m/s", -20.0, 20.0, "of the wheels, by the encoder", at.WHEEL_SPEED, Measured()),
             *steering_channels(),
         ]
         channels += self._further()
@@ -362,13 +354,13 @@ class WallFollowScenario(ScenarioRecord):
             channels.append(Channel(f"scan_{k}", "m", 0.0, self.scan.farthest, f"range at {angle:+.1f} deg, 0: none"))
         if self.observation == "full":
             channels += [
-                Channel("lateral_error", "m", -20.0, 20.0, self._lateral_error),
-                Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the centre line's"),
-                Channel("clearance", "m", 0.0, 20.0, "distance of the body from the nearest wall"),
-                Channel("steering_offset", "rad", -0.5, 0.5, "of this episode"),
+                Channel("lateral_error", "m", -20.0, 20.0, self._lateral_error, at.ERROR),
+                Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the centre line's", at.TURNED),
+                Channel("clearance", "m", 0.0, 20.0, "distance of the body from the nearest wall", at.CLEARANCE),
+                Channel("steering_offset", "rad", -0.5, 0.5, "of this episode", at.STEER_OFFSET),
             ]
         if round(self.scan.period / self.control_step) > 1:
-            channels.append(Channel("scan_new", "", 0.0, 1.0, "1 where the scan is a new one, else 0"))
+            channels.append(Channel("scan_new", "", 0.0, 1.0, "1 where the scan is a new one, else 0", at.SCAN_NEW))
         return channels
 
     _lateral_error: ClassVar[str] = "of the side sensor: distance of the right wall minus the set one"
@@ -433,4 +425,4 @@ class CircuitScenario(WallFollowScenario):
         return at.LARGEST_CIRCUIT_COST
 
     def _further(self) -> list[Channel]:
-        return [Channel("speed_command", "m/s", -20.0, 20.0, "set speed that was asked for")]
+        return [Channel("speed_command", "m/s", -20.0, 20.0, "set speed that was asked for", at.SPEED_TARGET)]
