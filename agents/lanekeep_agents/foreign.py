@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from lanekeep_agents.policy_record import PolicyRecord
 from lanekeep_env.checks import shown
@@ -33,6 +34,15 @@ def refuse_files(record: PolicyRecord) -> None:
 
 def one_line(text: object) -> str:
     """Return what an error says, or some names, without what a terminal would act on, cut where it is long."""
-    printable = "".join(one if one.isprintable() else " " for one in str(text)[: 2 * LONGEST_LINE])
-    line = " ".join(printable.split())
+    line = _printable(str(text)[: 2 * LONGEST_LINE])
     return line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 3]}..."
+
+
+def named(file: Path) -> str:
+    """Return the path of a file for an error, its end where it is long."""
+    line = _printable(str(file)[-LONGEST_LINE - 1 :])
+    return line if len(line) <= LONGEST_LINE else f"...{line[3 - LONGEST_LINE :]}"
+
+
+def _printable(text: str) -> str:
+    return " ".join("".join(one if one.isprintable() else " " for one in text).split())

@@ -14,6 +14,8 @@ from lanekeep_env.checks import LONGEST_ECHO, choose, from_mapping, plain_number
 
 #: Of the files that this version writes and reads.
 FORMAT = 1
+#: The largest float32.
+LARGEST_CLIP = (2.0 - 2.0**-23) * 2.0**127
 #: Levels that the values of a scenario or a training may have; they have four.
 DEEPEST = 32
 
@@ -68,7 +70,7 @@ class Normalisation:
     epsilon: float = 1e-8
 
     def __post_init__(self) -> None:
-        require("normalisation.clip", self.clip, "", above=0.0)
+        require("normalisation.clip", self.clip, "", above=0.0, at_most=LARGEST_CLIP)
         require("normalisation.epsilon", self.epsilon, "", above=0.0)
         plain_numbers(self)
 
