@@ -24,6 +24,7 @@ import numpy as np
 from harness import Watch, drive, mutated, special_files
 
 import lanekeep_agents
+import lanekeep_baselines
 from lanekeep_agents.binding import trained_scenario
 from lanekeep_agents.policy_file import read_record
 from lanekeep_env import ENVIRONMENTS
@@ -52,11 +53,15 @@ def originals() -> list[Original]:
     ]
 
 
-def nasty_values(folder: Path) -> list[Any]:
-    """What takes the place of a record's values; ``folder`` has files that nobody may open."""
+def files_of_others(folder: Path) -> list[Any]:
+    """Values that name files; ``folder`` has some that nobody may open."""
     files = [str(folder / name) for name in ("secret.csv", "secret.yaml", "pipe", "sparse", "secret")]
     files += ["/dev/zero", "../secret.csv", "secret.csv", "~/secret", "file:///etc/hostname", "\\\\host\\share"]
-    kinds = [{"kind": kind, field: file} for kind in ("file", "map") for field in ("path", "image") for file in files]
+    return [*files, *({"kind": kind, "path": file} for kind in ("file", "map") for file in files)]
+
+
+def nasty_values() -> list[Any]:
+    """What takes the place of a record's values."""
     deep: Any = 1.0
     for _ in range(200):
         deep = [deep] if len(str(deep)) % 2 else {"base": deep}
@@ -83,7 +88,7 @@ def nasty_values(folder: Path) -> list[Any]:
         float("inf"),
         *(f"<{text}>" for text in ("1e999", "-1e999", "9" * 400, "9" * 5000, "1e-999")),
     ]
-    return [*files, *kinds, *words, *numbers, *others, *large, *special]
+    return [*words, *numbers, *others, *large, *special]
 
 
 def places(values: Any) -> list[tuple[Any, Any]]:
@@ -93,22 +98,30 @@ def places(values: Any) -> list[tuple[Any, Any]]:
 
 
 class Damage:
-    """Draws damaged pairs of a record and weights."""
+    """Draws damaged pairs of a record and weights; ``folder`` has files that nobody may open."""
 
     def __init__(self, folder: Path) -> None:
         self.originals = originals()
-        self._nasty = nasty_values(folder)
+        self._nasty, self._files = nasty_values(), files_of_others(folder)
         self._records = [json.loads(original.record) for original in self.originals]
 
     def record(self, original: Original, rng: Rng) -> tuple[bytes, bytes]:
-        """Damage to the bytes of a record, or to its values."""
-        if rng.random() < 0.3:
+        """Damage to the bytes of a record, or to its values, or one value that names a file."""
+        draw = rng.random()
+        if draw < 0.25:
             return mutated(original.record, rng), original.weights
         values = json.loads(original.record)
-        for _ in range(rng.integers(1, 4)):
-            # Half of the changes are to the scenario, which most code stands behind.
+        if draw < 0.5:
+            inside, key = _draw(places(values["scenario"]), rng)
+            if rng.random() < 0.6:
+                inside, key = values["scenario"], "road" if "road" in values["scenario"] else "world"
+            inside[key] = _draw(self._files, rng)
+            return _json(values, rng), original.weights
+        for _ in range(_draw([1, 1, 1, 2, 3], rng)):
+            # Half of the changes are to the scenario, which most code stands behind, and half to the outermost values.
             part = values.get("scenario") if rng.random() < 0.5 else values
-            found = places(part if isinstance(part, dict) else values)
+            part = part if isinstance(part, dict) else values
+            found = [(part, key) for key in part] if rng.random() < 0.5 else places(part)
             if found:
                 self._change(*found[rng.integers(len(found))], rng)
         return _json(values, rng), original.weights
@@ -141,7 +154,7 @@ class Damage:
         return json.dumps(values).encode(), weights
 
 
-_BASES = ("pd", "stanley", "lqg", "lq-preview", "traechtler-pd", "werling-drive", "knightriders-cascade-kalman")
+_BASES = lanekeep_baselines.names()
 _WORDS = ("random", "sine", "circle", "file", "map", "corridor", "steering_rate", "dynamic", "full", "poor", "stress")
 
 
