@@ -89,15 +89,18 @@ class Binding:
     def _make_base(self, name: str) -> lanekeep_baselines.Policy:
         """Make the base for the action trained on, so that both of its meanings, input and sum, stay the same."""
         scenario: Any = self._scenario
-        if self._converts:
-            record = self._record
-            scenario = replace(
-                scenario,
-                action=record.action,
-                max_steering_angle=record.max_steering_angle,
-                max_steering_rate=record.max_steering_rate,
-            )
-        return lanekeep_baselines.make(name, scenario)
+        record = self._record
+        try:
+            if self._converts:
+                scenario = replace(
+                    scenario,
+                    action=record.action,
+                    max_steering_angle=record.max_steering_angle,
+                    max_steering_rate=record.max_steering_rate,
+                )
+            return lanekeep_baselines.make(name, scenario)
+        except (ValueError, ArithmeticError) as error:
+            raise ValueError(f"policy {record.name!r}: base={shown(name)}: {one_line(error)}") from None
 
     def convert(self, action: NDArray[np.float32], observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return actions in [-1, 1] that ask the scenario for what the policy asked its own one for.
@@ -129,7 +132,7 @@ def trained_scenario(record: PolicyRecord, allow_files: bool = False) -> Scenari
     module, environment = ENVIRONMENTS[record.env_id][0].split(":")
     try:
         return getattr(import_module(module), environment).scenario_class.from_keywords(**record.scenario)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, ArithmeticError) as error:
         raise ValueError(
             f"policy {record.name!r}: scenario is not one of {record.env_id} ({one_line(error)})"
         ) from None

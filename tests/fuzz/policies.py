@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import safetensors.numpy
 from harness import Watch, drive, mutated, special_files
 
 import lanekeep_agents
@@ -42,15 +43,33 @@ class Original(NamedTuple):
 
 
 def originals() -> list[Original]:
-    """One policy of each kind that is shipped; those with the same name but for the seed are of a kind."""
-    names = {name.rpartition("-seed")[0]: name for name in lanekeep_agents.names()}
-    for name in names.values():
-        lanekeep_agents.load(name)  # imports what it needs before anybody watches
-    files = [ZOO / f"{name}.json" for name in names.values()]
-    return [
-        Original(file.read_bytes(), file.with_suffix(".safetensors").read_bytes(), trained_scenario(read_record(file)))
-        for file in files
-    ]
+    """One policy of each kind that is shipped, and for each that corrects no classical one another that does.
+
+    Policies with the same name but for the seed are of a kind. All classical policies are made once, so that nothing
+    is left to import while somebody watches.
+    """
+    found = []
+    for name in {name.rpartition("-seed")[0]: name for name in lanekeep_agents.names()}.values():
+        file = ZOO / f"{name}.json"
+        scenario = trained_scenario(read_record(file))
+        found.append(Original(file.read_bytes(), file.with_suffix(".safetensors").read_bytes(), scenario))
+        able = lanekeep_baselines.names(scenario)
+        if json.loads(found[-1].record)["base"] is None:
+            found.append(_corrected(found[-1], able[-1]))
+    return found
+
+
+def _corrected(original: Original, base: str) -> Original:
+    """The policy with a base, whose actions it does not look at."""
+    values, tensors = json.loads(original.record), safetensors.numpy.load(original.weights)
+    before = len(tensors["mean"])
+    for name in ("mean", "variance", "layers.0.weight"):
+        tensor = tensors[name]
+        tensors[name] = np.concatenate([tensor, np.ones_like(tensor[..., : values["actions"]])], axis=-1)
+    tensors["layers.0.weight"][:, before:] = 0.0
+    weights = safetensors.numpy.save(tensors)
+    values |= {"base": base, "bound": 0.2, "sha256": hashlib.sha256(weights).hexdigest()}
+    return Original(json.dumps(values).encode(), weights, original.scenario)
 
 
 def files_of_others(folder: Path) -> list[Any]:
@@ -208,7 +227,8 @@ def use(path: Path, scenario: Any) -> None:
     """Load a policy and drive one step, for its own scenario where none is given."""
     files = path.with_suffix(".json"), path.with_suffix(".safetensors")
     with Watch() as watch, warnings.catch_warnings():
-        warnings.simplefilter("error")
+        warnings.simplefilter("ignore")
+        warnings.filterwarnings("error", module="lanekeep_agents")
         try:
             policy = lanekeep_agents.load(path, scenario)
             bounds = (scenario or trained_scenario(policy.record)).channel_bounds()
