@@ -7,6 +7,10 @@ become SIMD code; what differs from lane to lane (crossing a segment, starting a
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numba import prange
 
@@ -15,20 +19,8 @@ from lanekeep_env.compile import helper, kernel
 from lanekeep_env.envs.delay import acting_row, delay_commands
 from lanekeep_env.envs.observe import gather
 from lanekeep_env.envs.road_start import cross_segments, set_speeds, start_drive, start_lane
-from lanekeep_env.physics.integrate import (
-    advance_driven,
-    advance_front_driven,
-    advance_kinematic,
-    advance_kinematic_paced,
-    advance_linear,
-    advance_magic_formula,
-    show_driven,
-    show_front_driven,
-    show_kinematic,
-    show_kinematic_paced,
-    show_linear,
-    show_magic_formula,
-)
+from lanekeep_env.physics.integrate import DRIVEN, PACED, named
+from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.numeric import clip, larger, like, smaller
 from lanekeep_env.physics.powertrain import pull
 from lanekeep_env.sensing.camera import edge_distance
@@ -365,146 +357,57 @@ def _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, t
     _restart(n, block, counted, road, roads, settings, sensors, camera, drive, timelines, seen, told)
 
 
-# One control step of the blocks ``begin`` to ``end``; one kernel a vehicle model, so that a process
-# compiles only what it uses. numba's cache wants kernels spelled out. ``equipment`` is (sensors, gear,
-# slip-speed floor, camera, drive, timelines), each None where the scenario has none, or the usual one: what it
-# lacks is then no part of the kernel. (One tuple, since numba takes a tenth of a microsecond to tell the type of a
-# None.)
+@functools.cache
+def step_kernels(model: CarModel) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return the kernels of one control step of a vehicle model, on one thread and on several.
 
+    They step the blocks ``begin`` to ``end``. ``equipment`` is (sensors, gear, slip-speed floor, camera, drive,
+    timelines), each None where the scenario has none, or the usual one: what it lacks is then no part of the kernel.
+    (One tuple, since numba takes a tenth of a microsecond to tell the type of a None.)
+    """
+    advance, show, paced, driven = model.advance, model.show, model.pace == PACED, model.pace == DRIVEN
 
-@kernel()
-def step_kinematic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, floor, camera, _, _ = equipment
-    for k in range(begin, end):
-        for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_kinematic(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
-            cross_segments(k, lanes, counters, road)
-        show_kinematic(lanes[k], floor)
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
-
-
-@kernel()
-def step_linear(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, floor, camera, _, _ = equipment
-    for k in range(begin, end):
-        for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_linear(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
-            cross_segments(k, lanes, counters, road)
-        show_linear(lanes[k], floor)
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
-
-
-@kernel()
-def step_magic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, floor, camera, _, _ = equipment
-    for k in range(begin, end):
-        for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_magic_formula(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
-            cross_segments(k, lanes, counters, road)
-        show_magic_formula(lanes[k], floor)
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
-
-
-@kernel()
-def step_front_driven(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, floor, camera, _, _ = equipment
-    for k in range(begin, end):
-        set_speeds(k, lanes, counters, settings)
-        for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_front_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
-            cross_segments(k, lanes, counters, road)
-        show_front_driven(lanes[k], floor)
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
-
-
-@kernel()
-def step_driven(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, floor, camera, drive, timelines = equipment
-    for k in range(begin, end):
-        _surroundings(k, lanes, counters, settings, timelines)
-        for substep in range(_command_drive(k, lanes, counters, settings, action)):
-            _pull(k, lanes, counters, settings, drive)
-            advance_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
-            cross_segments(k, lanes, counters, road)
-        show_driven(lanes[k], floor)
-        _finish(
-            k, lanes, counters, road, roads, settings, sensors, camera, drive, timelines, action, observation, outcome
-        )
-
-
-@kernel()
-def step_kinematic_paced(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, floor, camera, _, _ = equipment
-    for k in range(begin, end):
-        set_speeds(k, lanes, counters, settings)
-        for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_kinematic_paced(
-                lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor
+    @kernel()
+    @named(model.name)
+    def step(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
+        sensors, gear, floor, camera, drive, timelines = equipment
+        for k in range(begin, end):
+            if paced:
+                set_speeds(k, lanes, counters, settings)
+            if driven:
+                _surroundings(k, lanes, counters, settings, timelines)
+                substeps = _command_drive(k, lanes, counters, settings, action)
+            else:
+                substeps = _command(k, lanes, counters, settings, action)
+            for substep in range(substeps):
+                if driven:
+                    _pull(k, lanes, counters, settings, drive)
+                advance(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
+                cross_segments(k, lanes, counters, road)
+            show(lanes[k], floor)
+            _finish(
+                k,
+                lanes,
+                counters,
+                road,
+                roads,
+                settings,
+                sensors,
+                camera,
+                drive,
+                timelines,
+                action,
+                observation,
+                outcome,
             )
-            cross_segments(k, lanes, counters, road)
-        show_kinematic_paced(lanes[k], floor)
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
+    @kernel(parallel=True)
+    @named(model.name)
+    def step_parallel(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
+        for k in prange(begin, end):
+            step(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
 
-@kernel(parallel=True)
-def step_kinematic_parallel(
-    begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome
-):
-    for k in prange(begin, end):
-        step_kinematic(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_linear_parallel(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    for k in prange(begin, end):
-        step_linear(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_magic_parallel(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    for k in prange(begin, end):
-        step_magic(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_front_driven_parallel(
-    begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome
-):
-    for k in prange(begin, end):
-        step_front_driven(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_driven_parallel(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    for k in prange(begin, end):
-        step_driven(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_kinematic_paced_parallel(
-    begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome
-):
-    for k in prange(begin, end):
-        step_kinematic_paced(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
-
-
-#: Kernel of one control step by vehicle model, on one thread and on several.
-STEP = {
-    at.KINEMATIC: step_kinematic,
-    at.LINEAR: step_linear,
-    at.MAGIC_FORMULA: step_magic,
-    at.FRONT_DRIVEN: step_front_driven,
-    at.KINEMATIC_PACED: step_kinematic_paced,
-    at.DRIVEN: step_driven,
-}
-STEP_PARALLEL = {
-    at.KINEMATIC: step_kinematic_parallel,
-    at.LINEAR: step_linear_parallel,
-    at.MAGIC_FORMULA: step_magic_parallel,
-    at.FRONT_DRIVEN: step_front_driven_parallel,
-    at.KINEMATIC_PACED: step_kinematic_paced_parallel,
-    at.DRIVEN: step_driven_parallel,
-}
+    return step, step_parallel
 
 
 @kernel()

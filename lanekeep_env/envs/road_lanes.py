@@ -11,6 +11,7 @@ from gymnasium.utils import seeding
 
 from lanekeep_env import layout as at
 from lanekeep_env.envs import road_kernel
+from lanekeep_env.physics.integrate import DRIVEN
 from lanekeep_env.rendering.road_picture import Pose
 from lanekeep_env.roads import Road, RoadSpec, SetSpeeds, SpeedSpec, road_set
 from lanekeep_env.scenario import (
@@ -134,9 +135,7 @@ class RoadLanes:
         )
         # Flat: numba cannot hand a tuple of tuples to several threads.
         self.equipment = self.sensors, self.gear, s.integration.lowered_floor, self._camera(), *self._drive()
-        model = int(self.settings[at.MODEL])
-        self.step = road_kernel.STEP[model]
-        self.step_parallel = road_kernel.STEP_PARALLEL[model]
+        self.step, self.step_parallel = road_kernel.step_kernels(s.model)
 
     def _settings(self) -> np.ndarray:
         s = self.scenario
@@ -146,7 +145,8 @@ class RoadLanes:
         step = s.integration.step
         values[at.STEP_TIME] = step
         values[at.SUBSTEPS] = round(s.control_step / step)
-        values[at.MODEL] = s.model
+        values[at.SLIPS], values[at.SATURATES] = s.model.slips, s.model.saturates
+        values[at.FRONT_SPEED], values[at.POWERED] = s.model.front_speed, s.model.pace == DRIVEN
         values[at.IDEAL_STEERING] = steering.lag == 0.0 and steering.rate_limit is None
         values[at.ACTION_KIND] = ACTIONS[s.action]
         values[at.ACTION_SCALE] = s.max_steering_rate if rate_mode else s.max_steering_angle

@@ -7,6 +7,10 @@ as SIMD code over the lanes of a block; rays, cones and contact as SIMD code ove
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numba import prange
 
@@ -16,12 +20,8 @@ from lanekeep_env.envs.delay import acting_row, delay_commands
 from lanekeep_env.envs.observe import gather
 from lanekeep_env.envs.road_start import set_speeds
 from lanekeep_env.envs.wall_start import follow, look_around, servo_angle, start_between_walls
-from lanekeep_env.physics.integrate import (
-    advance_kinematic_paced,
-    advance_linear_paced,
-    show_kinematic_paced,
-    show_linear_paced,
-)
+from lanekeep_env.physics.integrate import named
+from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.numeric import clip, like, sin_cos, smaller, wrapped
 from lanekeep_env.sensing.measure import measure
 from lanekeep_env.sensing.scan import take_scan
@@ -43,7 +43,7 @@ def _command(k, lanes, counters, settings, servo, action):
     one, zero = like(limit, 1.0), like(limit, 0.0)
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     as_rate = settings[at.ACTION_KIND] > zero
-    slowest = zero if settings[at.MODEL] == at.LINEAR else -one  # the dynamic car does not know backwards
+    slowest = zero if settings[at.SLIPS] > zero else -one  # the dynamic car does not know backwards
     block = lanes[k]
     for i in range(min(lanes.shape[2], total - first)):
         alive = block[at.DONE, i] == zero
@@ -357,48 +357,36 @@ def _finish(k, lanes, counters, worlds, settings, equipment, observation, outcom
             _start(i, begin + i, nan, nan, nan, nan, block, counted, worlds, settings, equipment, seen, told, k)
 
 
-# One kernel a vehicle model. ``worlds`` is (walls, index, centre lines, starts, scratch), ``equipment`` (sensors, gear,
-# slip-speed floor, servo, and five arrays of the scan), all but the first None where the scenario has none; flat, since
-# numba's threads take no tuple within a tuple.
+@functools.cache
+def step_kernels(model: CarModel) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return the kernels of one control step of a vehicle model, on one thread and on several.
 
+    ``worlds`` is (walls, index, centre lines, starts, scratch), ``equipment`` (sensors, gear, slip-speed floor, servo,
+    and five arrays of the scan), all but the first None where the scenario has none; flat, since numba's threads take
+    no tuple within a tuple.
+    """
+    advance, show = model.advance, model.show
 
-@kernel()
-def step_kinematic(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    gear, floor, servo = equipment[1], equipment[2], equipment[3]
-    for k in range(begin, end):
-        set_speeds(k, lanes, counters, settings)
-        for substep in range(_command(k, lanes, counters, settings, servo, action)):
-            advance_kinematic_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear, floor)
-        show_kinematic_paced(lanes[k], floor)
-        _finish(k, lanes, counters, worlds, settings, equipment, observation, outcome)
+    @kernel()
+    @named(model.name)
+    def step_between_walls(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
+        gear, floor, servo = equipment[1], equipment[2], equipment[3]
+        for k in range(begin, end):
+            set_speeds(k, lanes, counters, settings)
+            for substep in range(_command(k, lanes, counters, settings, servo, action)):
+                advance(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear, floor)
+            show(lanes[k], floor)
+            _finish(k, lanes, counters, worlds, settings, equipment, observation, outcome)
 
+    @kernel(parallel=True)
+    @named(model.name)
+    def step_between_walls_parallel(
+        begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome
+    ):
+        for k in prange(begin, end):
+            step_between_walls(k, k + 1, lanes, counters, worlds, settings, equipment, action, observation, outcome)
 
-@kernel()
-def step_linear(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    gear, floor, servo = equipment[1], equipment[2], equipment[3]
-    for k in range(begin, end):
-        set_speeds(k, lanes, counters, settings)
-        for substep in range(_command(k, lanes, counters, settings, servo, action)):
-            advance_linear_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear, floor)
-        show_linear_paced(lanes[k], floor)
-        _finish(k, lanes, counters, worlds, settings, equipment, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_kinematic_parallel(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    for k in prange(begin, end):
-        step_kinematic(k, k + 1, lanes, counters, worlds, settings, equipment, action, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_linear_parallel(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    for k in prange(begin, end):
-        step_linear(k, k + 1, lanes, counters, worlds, settings, equipment, action, observation, outcome)
-
-
-#: Kernel of one control step by vehicle model, on one thread and on several.
-STEP = {at.KINEMATIC: step_kinematic, at.LINEAR: step_linear}
-STEP_PARALLEL = {at.KINEMATIC: step_kinematic_parallel, at.LINEAR: step_linear_parallel}
+    return step_between_walls, step_between_walls_parallel
 
 
 @kernel()

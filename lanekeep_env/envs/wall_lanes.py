@@ -133,9 +133,7 @@ class WallLanes:
             s.servo.table(self._limit()),
             *self._scan(scratch),
         )
-        model = int(self.settings[at.MODEL])
-        self.step = wall_kernel.STEP[model]
-        self.step_parallel = wall_kernel.STEP_PARALLEL[model]
+        self.step, self.step_parallel = wall_kernel.step_kernels(s.model)
 
     @property
     def state(self) -> tuple[Any, ...]:
@@ -153,7 +151,7 @@ class WallLanes:
         rate_mode = s.action == "steering_rate"
         values[at.STEP_TIME] = step
         values[at.SUBSTEPS] = round(s.control_step / step)
-        values[at.MODEL] = s.model
+        values[at.SLIPS], values[at.SATURATES] = s.model.slips, s.model.saturates
         values[at.IDEAL_STEERING] = steering.lag == 0.0 and steering.rate_limit is None
         values[at.ACTION_KIND] = ACTIONS[s.action]
         values[at.ACTION_SCALE] = s.max_steering_rate if rate_mode else s.max_steering_angle

@@ -15,6 +15,7 @@ import numpy as np
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, nearest, plain_numbers, require
 from lanekeep_env.physics.integrate import LARGEST_SPEED
+from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
 from lanekeep_env.randomisation import Randomisation, randomisation_from
 from lanekeep_env.roads import LimitedSpeed, RandomRoads, RoadSpec, SpeedSpec, road_from
@@ -255,19 +256,14 @@ class RoadScenario(ScenarioRecord):
         return self.cost_cap
 
     @property
-    def model(self) -> int:
-        """The kernel's number of the vehicle model."""
+    def model(self) -> CarModel:
+        """The vehicle model."""
         raise NotImplementedError
-
-    @property
-    def slips(self) -> bool:
-        """Whether the car has tyres, or rolls where its wheels point."""
-        return False
 
     @cached_property
     def integration(self) -> Integration:
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
-        if self.slips:
+        if self.model.slips:
             return slipping(self.vehicle, self.randomisation, self.base_step, self._slowest, self._fastest)
         return rolling(self.vehicle, self.base_step, self._fastest, self.largest_angle)
 

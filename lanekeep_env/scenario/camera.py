@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
+from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads import RoadSpec, SetSpeeds, TurnOffRoads, YardRoads, set_speeds_from
 from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering_channels
@@ -105,9 +106,9 @@ class CameraLaneScenario(RoadScenario):
             )
 
     @property
-    def model(self) -> int:
-        """The kernel's number of the vehicle model."""
-        return at.FRONT_DRIVEN
+    def model(self) -> models.CarModel:
+        """The vehicle model."""
+        return models.FRONT_DRIVEN
 
     @property
     def axles(self) -> tuple[float, float]:

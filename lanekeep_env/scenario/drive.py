@@ -10,6 +10,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
+from lanekeep_env.physics import models
 from lanekeep_env.physics.integrate import LARGEST_SPEED
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.physics.powertrain_parameters import Powertrain, powertrain_from
@@ -203,9 +204,9 @@ class DriveScenario(LaneKeepScenario):
             )
 
     @property
-    def model(self) -> int:
-        """The kernel's number of the vehicle model."""
-        return at.DRIVEN
+    def model(self) -> models.CarModel:
+        """The vehicle model."""
+        return models.POWERED
 
     def _slowest(self) -> float:
         """It stops."""

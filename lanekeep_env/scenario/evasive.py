@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import require
+from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads import EvasiveRoads, ParkingPaths, RoadSpec, SetSpeeds, SpeedSpec, set_speeds_from, speed_from
 from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering_channels
@@ -87,9 +88,9 @@ class ReversePathScenario(RoadScenario):
         return True
 
     @property
-    def model(self) -> int:
-        """The kernel's number of the vehicle model."""
-        return at.KINEMATIC_PACED
+    def model(self) -> models.CarModel:
+        """The vehicle model."""
+        return models.KINEMATIC_PACED
 
     @property
     def axles(self) -> tuple[float, float]:

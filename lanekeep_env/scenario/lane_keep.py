@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require
+from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.randomisation import FRICTION_SHARE
 from lanekeep_env.roads import LimitedSpeed, RoadSpec, RoadWorksRoads, SpeedSpec, road_set, speed_from
@@ -17,10 +18,10 @@ from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering
 from lanekeep_env.sensing.faults import MEASURED_CHANNELS, SENSOR_SETS, sensors_from
 
 _MODELS = {
-    ("kinematic", "linear"): at.KINEMATIC,
-    ("kinematic", "magic_formula"): at.KINEMATIC,
-    ("dynamic", "linear"): at.LINEAR,
-    ("dynamic", "magic_formula"): at.MAGIC_FORMULA,
+    ("kinematic", "linear"): models.KINEMATIC,
+    ("kinematic", "magic_formula"): models.KINEMATIC,
+    ("dynamic", "linear"): models.LINEAR,
+    ("dynamic", "magic_formula"): models.MAGIC_FORMULA,
 }
 
 
@@ -60,19 +61,14 @@ class LaneKeepScenario(RoadScenario):
         super()._check()
 
     @property
-    def model(self) -> int:
-        """The kernel's number of the vehicle model."""
+    def model(self) -> models.CarModel:
+        """The vehicle model."""
         return _MODELS[self.dynamics, self.tyre]
-
-    @property
-    def slips(self) -> bool:
-        """Whether the car has tyres."""
-        return self.dynamics == "dynamic"
 
     def _slowest(self) -> float:
         """Lowest speed of the profile on any of the roads, where it is slowed down the most, m/s."""
         factor = self.randomisation.speed[0] ** 2
-        if self.model == at.MAGIC_FORMULA and self.speed.lateral_limit > 0.0:
+        if self.model.saturates and self.speed.lateral_limit > 0.0:
             grip = FRICTION_SHARE * GRAVITY * self.friction * self.randomisation.friction[0]
             factor = min(factor, grip / self.speed.lateral_limit)
         slowest = min(float(speeds.min()) for _, speeds in road_set(self.road, self.speed))

@@ -12,6 +12,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
+from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
 from lanekeep_env.randomisation import Randomisation, randomisation_from
 from lanekeep_env.roads.speed import SetSpeeds, set_speeds_from
@@ -278,7 +279,7 @@ class WallFollowScenario(ScenarioRecord):
     def integration(self) -> Integration:
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
         fastest = self.largest_speed or self.speed.largest * self.randomisation.speed[1]
-        if self.dynamics == "dynamic":  # which a wall may stop
+        if self.model.slips:  # which a wall may stop
             return slipping(self.vehicle, self.randomisation, self.base_step, lambda: 0.0, fastest)
         return rolling(self.vehicle, self.base_step, fastest, self._wheel_angle + max(map(abs, self.steering_offset)))
 
@@ -310,9 +311,9 @@ class WallFollowScenario(ScenarioRecord):
             )
 
     @property
-    def model(self) -> int:
-        """The kernel's number of the vehicle model."""
-        return at.KINEMATIC if self.dynamics == "kinematic" else at.LINEAR
+    def model(self) -> models.CarModel:
+        """The vehicle model."""
+        return models.KINEMATIC_PACED if self.dynamics == "kinematic" else models.LINEAR_PACED
 
     @property
     def axles(self) -> tuple[float, float]:
