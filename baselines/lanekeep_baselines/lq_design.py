@@ -80,36 +80,39 @@ class Gains:
     curvature: Floats
 
 
-def riccati(a: Floats, b: Floats, q: Floats, r: Floats, s: Floats | None = None) -> Floats:
-    """Return the P of the discrete Riccati equation with the cost x'Qx + 2 x'Su + u'Ru."""
-    from scipy.linalg import LinAlgError, solve_discrete_are  # here, so that what a policy declares needs no scipy
+def settled(a: Floats, c: Floats, noise: Floats) -> Floats:
+    """Return the covariance X of x[k+1] = A x[k] + w after many measurements C x[k] + v, before the next one.
+
+    X = A X A' - A X C' (1 + C X C')^-1 C X A' + cov(w), for v of covariance 1.
+    """
+    from scipy.linalg import solve_discrete_are  # here, so that what a policy declares can be read without it
 
     try:
-        return np.asarray(solve_discrete_are(a, b, q, r, s=s))
-    except LinAlgError:  # it cannot order the eigenvalues of some chains of late sensors
-        return doubled(a, b, q, r, np.zeros_like(b) if s is None else s)
+        return np.asarray(solve_discrete_are(a.T, c.T, noise, np.eye(len(c))))
+    except ValueError:  # it cannot order the eigenvalues that some chains of late sensors have
+        return doubled(a.T, c.T @ c, noise)
 
 
-def doubled(a: Floats, b: Floats, q: Floats, r: Floats, s: Floats) -> Floats:
-    """Return the same P by structure-preserving doubling, which orders nothing: each round doubles the horizon.
+def doubled(a: Floats, g: Floats, h: Floats) -> Floats:
+    """Return the X of X = A' X (1 + G X)^-1 A + H by structure-preserving doubling, which orders nothing.
 
     Chu, Fan, Lin, Wang, "Structure-preserving algorithms for periodic discrete-time algebraic Riccati equations", Int.
-    J. Control 77(8), 2004; R must be regular.
+    J. Control 77(8), 2004: each round doubles the number of steps since nothing was known.
     """
     n = len(a)
-    weighted = np.linalg.solve(r, np.hstack([b.T, s.T]))
-    a, g, h = a - b @ weighted[:, n:], b @ weighted[:, :n], q - s @ weighted[:, n:]
     for _ in range(DOUBLINGS):
         moved = np.linalg.solve(np.eye(n) + g @ h, np.hstack([a, g]))
-        g, more = g + a @ moved[:, n:] @ a.T, a.T @ h @ moved[:, :n]
-        a, h = a @ moved[:, :n], h + more
+        more = a.T @ h @ moved[:, :n]
+        a, g, h = a @ moved[:, :n], g + a @ moved[:, n:] @ a.T, h + more
         if np.abs(more).max() <= 1e-15 * np.abs(h).max():
             return 0.5 * (h + h.T)
-    raise np.linalg.LinAlgError(f"the Riccati equation has no solution within 2^{DOUBLINGS} control steps")
+    raise ValueError(f"the Riccati equation has no solution within 2^{DOUBLINGS} control steps")
 
 
 def gains(model: StepModel, cost: Cost, step: float, steps: int = 1) -> Gains:
     """Solve the Riccati equation for control steps of ``step`` s; the curvature is known at ``steps`` >= 1 of them."""
+    from scipy.linalg import solve_discrete_are
+
     a, b, known = model.with_commands()
     n = len(a)
     moves = np.eye(n)[STEER]
@@ -117,7 +120,7 @@ def gains(model: StepModel, cost: Cost, step: float, steps: int = 1) -> Gains:
     output[1] = (a[STEER] - moves) * np.sqrt(cost.weight) / (step * cost.rate)
     direct = np.array([[0.0], [b[STEER, 0] * np.sqrt(cost.weight) / (step * cost.rate)]])
     q, s, r = output.T @ output, output.T @ direct, direct.T @ direct
-    p = riccati(a, b, q, r, s)
+    p = solve_discrete_are(a, b, q, r, s=s)
     inverse = 1.0 / (r + b.T @ p @ b)
     state = inverse @ (b.T @ p @ a + s.T)
     closed = (a - b @ state).T
@@ -200,7 +203,7 @@ class Estimated:
                 shown[i], known = known, known + 1
         # In units of its noise: scipy then solves the equation whatever the weights are.
         measured = np.eye(n)[shown] / measuring.noise[:, None]
-        covariance = riccati(a.T, measured.T, noise, np.eye(len(MEASURED)))
+        covariance = settled(a, measured, noise)
         seen = covariance @ measured.T
         correction = np.linalg.solve(measured @ seen + np.eye(len(MEASURED)), seen.T).T
         inputs = model.b if self.curvature else np.hstack([model.curvature, model.b])

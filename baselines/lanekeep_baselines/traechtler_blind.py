@@ -23,6 +23,11 @@ class PlanScenario(CameraScenario, Protocol):
 
     @property
     def plan_spacing(self) -> float: ...
+
+
+class ReckonedScenario(PlanScenario, Protocol):
+    """What a controller that observes the camera's delay may know besides."""
+
     @property
     def sensors(self) -> Sensors: ...
 
@@ -140,7 +145,7 @@ class TraechtlerInverse(Planned):
     #: Way over which the observer forgets a wrong estimate, m: both poles at -1/way.
     way: ClassVar[float] = 4.0
 
-    def __init__(self, scenario: PlanScenario) -> None:
+    def __init__(self, scenario: ReckonedScenario) -> None:
         super().__init__(scenario)
         steering, sensor = scenario.vehicle.steering, dict(scenario.sensors).get("edge_distance")
         self._motor = np.inf if steering.rate_limit is None else steering.rate_limit
