@@ -22,8 +22,8 @@ SMOOTHING_ERROR = 0.04
 SEGMENT = 3.0
 #: Length of an open line's mirrored continuation at both ends, m.
 MARGIN = 60.0
-#: Most evenly spaced points, at most 1 m apart, that a line is smoothed at.
-MOST_SAMPLES = 1_000_000
+#: Most evenly spaced points that a line is smoothed at, twice as many as given and at most 1 m apart: some seconds.
+MOST_SAMPLES = 300_000
 #: A segment that turns by more, rad, belongs to no road: the points do not follow one another.
 MOST_TURN_OF_FIT = 10.0
 
@@ -97,8 +97,8 @@ def _resampled(line: Floats, station: Floats, closed: bool) -> Floats:
     step = min(1.0, float(np.median(gap)) / 2)
     if station[-1] > MOST_SAMPLES * step:
         raise ValueError(
-            f"the line is {station[-1]:.6g} m long; allowed are {MOST_SAMPLES * step:.6g} m where points are "
-            f"{float(np.median(gap)):.3g} m apart (median)"
+            f"the line is {station[-1]:.6g} m long, allowed are {MOST_SAMPLES * step:.6g} m where points are "
+            f"{float(np.median(gap)):.3g} m apart (median): give fewer points or a shorter line"
         )
     count = max(64, int(np.ceil(station[-1] / step)))
     at = np.linspace(0.0, station[-1], count + 1)[: count + (not closed)]
