@@ -39,6 +39,13 @@ def read_bounded(path: str | Path, largest: int) -> bytes:
     return content
 
 
+def require_ordinary(*paths: Path) -> None:
+    """Raise ValueError, one line, for the first of the paths at which there is something else than an ordinary file."""
+    for path in paths:
+        if os.path.lexists(path) and not stat.S_ISREG(os.lstat(path).st_mode):
+            raise ValueError(f"{path} is not an ordinary file; name another folder")
+
+
 def _ordinary(status: os.stat_result) -> None:
     if not stat.S_ISREG(status.st_mode):
         raise ValueError("it is not an ordinary file")
@@ -70,7 +77,7 @@ def locked(folder: Path) -> Iterator[None]:
     Nothing is written for it. Where the system or its disk has no locks there is none.
 
     Raises:
-        ValueError: another process has locked it; one line without the path, for the caller to put it in front.
+        ValueError: another process has locked it.
     """
     if sys.platform == "win32":
         yield
@@ -80,7 +87,9 @@ def locked(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise ValueError("another process is writing there; wait for it, or name another folder") from None
+            raise ValueError(
+                f"{folder}: another process is writing there; wait for it, or name another folder"
+            ) from None
         except OSError:
             pass  # a file system without locks
         yield

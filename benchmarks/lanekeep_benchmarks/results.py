@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import os
-import stat
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from datetime import UTC, datetime
@@ -16,7 +15,7 @@ from types import TracebackType
 
 from lanekeep_benchmarks.evaluate import EpisodeResult
 from lanekeep_benchmarks.run_record import ANEW, RUN, RunRecord, another_run, told
-from lanekeep_env.files import locked, open_to_append, read_bounded, write_atomic
+from lanekeep_env.files import locked, open_to_append, read_bounded, require_ordinary, write_atomic
 
 EPISODES = "episodes.jsonl"
 SUMMARY = "summary.json"
@@ -72,7 +71,7 @@ class ResultFolder:
         self.torn = False
         self._open = ExitStack()
         try:
-            self._lock()
+            self._open.enter_context(locked(path))
             if self._files() and not overwrite and not resume:
                 raise ValueError(
                     f"--out {path} already holds results; name another folder, or pass --resume to complete them or"
@@ -88,20 +87,11 @@ class ResultFolder:
             self._open.close()
             raise
 
-    def _lock(self) -> None:
-        try:
-            self._open.enter_context(locked(self.path))
-        except ValueError as error:
-            raise ValueError(f"--out {self.path}: {error}") from None
-
     def _files(self) -> list[Path]:
         """What a run has left, all of it ordinary files."""
-        names = [RUN, EPISODES, SUMMARY, TABLE, *(file.name for file in self.path.glob("plot_*.png"))]
-        found = [file for name in names if os.path.lexists(file := self.path / name)]
-        for file in found:
-            if not stat.S_ISREG(os.lstat(file).st_mode):
-                raise ValueError(f"{file} is not an ordinary file, which a run leaves there; name another folder")
-        return [file for file in found if file.name in names[:4]]
+        found = [file for name in (RUN, EPISODES, SUMMARY, TABLE) if os.path.lexists(file := self.path / name)]
+        require_ordinary(*found, *self.path.glob("plot_*.png"))
+        return found
 
     def _take_up(self, record: RunRecord) -> int:
         """Read what a run left, all of which must be of this run; return how many bytes of lines are whole."""
