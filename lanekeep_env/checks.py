@@ -6,6 +6,7 @@ import difflib
 import math
 import reprlib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import fields
 from numbers import Real
 from typing import Any, TypeVar
@@ -17,7 +18,7 @@ LONGEST_ECHO = 80
 
 
 def shown(value: Any) -> str:
-    """Return ``repr(value)`` on one line for an error, cut where it is long, whatever the value is and however large."""
+    """Return ``repr(value)`` on one line for an error, cut where it is long, however large the value is."""
     text = " ".join(_SHORT.repr(value).split())
     return text if len(text) <= LONGEST_ECHO else f"{text[: LONGEST_ECHO - 3]}..."
 
@@ -105,7 +106,8 @@ def plain_numbers(record: Any) -> None:
     for f in fields(record):
         value = getattr(record, f.name)
         if isinstance(value, Real) and not isinstance(value, bool):
-            if str(f.type).startswith("float"):
-                object.__setattr__(record, f.name, float(value))
-            elif str(f.type).startswith("int"):
-                object.__setattr__(record, f.name, int(float(value)))
+            with suppress(OverflowError):  # what no float can hold is left to the record's own check
+                if str(f.type).startswith("float"):
+                    object.__setattr__(record, f.name, float(value))
+                elif str(f.type).startswith("int"):
+                    object.__setattr__(record, f.name, int(float(value)))

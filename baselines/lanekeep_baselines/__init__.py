@@ -12,7 +12,7 @@ from __future__ import annotations
 from importlib import import_module
 
 from lanekeep_baselines.policy import Policy, Scenario
-from lanekeep_env.checks import nearest
+from lanekeep_env.checks import nearest, shown
 
 __all__ = ["Policy", "Scenario", "make", "names"]
 
@@ -76,9 +76,9 @@ def make(name: str, scenario: Scenario) -> Policy:
         ModuleNotFoundError: the controller's design needs a package of the extra `lanekeep[baselines]`.
     """
     if name not in _POLICIES:
-        raise ValueError(f"policy={name!r} is unknown{nearest(name, _POLICIES)}; allowed: {', '.join(_POLICIES)}")
+        raise ValueError(f"policy={shown(name)} is unknown{nearest(name, _POLICIES)}; allowed: {', '.join(_POLICIES)}")
     if not hasattr(scenario, "channels"):
-        raise ValueError(f"scenario={scenario!r} is none; pass env.unwrapped.scenario")
+        raise ValueError(f"scenario={shown(scenario)} is none; pass env.unwrapped.scenario")
     module, record = _POLICIES[name].split(":")
     try:
         build = getattr(import_module(f"lanekeep_baselines.{module}"), record)

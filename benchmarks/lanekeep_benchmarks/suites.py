@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from lanekeep_env import SENSOR_SETS, LaneKeepScenario
-from lanekeep_env.checks import nearest
+from lanekeep_env.checks import nearest, shown
 from lanekeep_env.roads import LimitedSpeed, Road, build_roads
 from lanekeep_env.scenario.base import ScenarioRecord
 
@@ -404,7 +404,7 @@ SUITES: dict[str, Suite] = {
 def suite_named(name: str) -> Suite:
     """Return the suite of that name; ValueError names the nearest one."""
     if name not in SUITES:
-        raise ValueError(f"suite {name!r} is unknown{nearest(name, SUITES)}; allowed: {', '.join(SUITES)}")
+        raise ValueError(f"suite {shown(name)} is unknown{nearest(name, SUITES)}; allowed: {', '.join(SUITES)}")
     return SUITES[name]
 
 

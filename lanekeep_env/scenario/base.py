@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from lanekeep_env.checks import choose, nearest, plain_numbers, require
+from lanekeep_env.checks import choose, nearest, plain_numbers, require, shown
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
 from lanekeep_env.randomisation import Randomisation, randomisation_from
 from lanekeep_env.roads import LimitedSpeed, RandomRoads, RoadSpec, SpeedSpec, road_from
@@ -91,7 +91,7 @@ class ScenarioRecord:
         for key in keywords:
             if key not in allowed:
                 allowed += others
-                raise TypeError(f"unknown keyword {key!r}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
+                raise TypeError(f"unknown keyword {shown(key)}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
         return cls(**keywords)
 
     @property

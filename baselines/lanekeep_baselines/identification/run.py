@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -134,6 +135,7 @@ class DrivenRun:
             if value.dtype.kind not in "iuf":
                 raise UnusableRun(f"{where}: {name} has dtype {shown(str(value.dtype))}; allowed: numbers")
         try:
-            return cls(**{name: value.item() if value.ndim == 0 else value for name, value in values.items()})
+            plain: dict[str, Any] = {name: one.item() if one.ndim == 0 else one for name, one in values.items()}
+            return cls(**plain)
         except ValueError as error:
             raise UnusableRun(f"{where}: {error}") from None
