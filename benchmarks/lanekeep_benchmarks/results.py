@@ -23,6 +23,8 @@ TABLE = "summary.md"
 #: Bytes beyond which result lines are not read: `MOST_EPISODES` with policies named by long paths, a line alone.
 LARGEST_LINES = 1 << 29
 LONGEST_LINE = 1 << 16
+#: What every result line begins with.
+_BEGINNING = b'{"suite": "'
 
 
 def default_folder(suite: str) -> Path:
@@ -33,10 +35,11 @@ def default_folder(suite: str) -> Path:
 def read_lines(content: bytes) -> Iterator[tuple[int, EpisodeResult]]:
     """Yield result lines with their numbers, without a torn end.
 
-    A line is torn when its line end is missing: a line is written before its end, and both before the next line.
+    A line is torn when its line end is missing: a line is written before its end, and both before the next line. Where
+    the power failed, NULs may stand for it.
 
     Raises:
-        ValueError: a line is not a result line; names its number.
+        ValueError: a line is not a result line, or the end not the beginning of one; names its number.
     """
     for number, line in enumerate(io.BytesIO(content), start=1):
         if len(line) > LONGEST_LINE:
@@ -46,6 +49,8 @@ def read_lines(content: bytes) -> Iterator[tuple[int, EpisodeResult]]:
                 yield number, EpisodeResult.from_json(line)
             except (ValueError, TypeError) as error:
                 raise ValueError(f"line {number} is not a result line ({error})") from None
+        elif line.strip(b"\0") and not line.startswith(_BEGINNING[: len(line)]):
+            raise ValueError(f"line {number} is not the beginning of a result line")
 
 
 class ResultFolder:

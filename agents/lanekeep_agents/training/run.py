@@ -34,7 +34,7 @@ from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.training.rewards import LearnersRewards
 from lanekeep_agents.training.settings import TrainingSettings, settings_for
 from lanekeep_agents.vec_env import LaneVecEnv
-from lanekeep_env.checks import shown
+from lanekeep_env.checks import require, shown
 from lanekeep_env.files import locked, write_atomic
 
 __all__ = ["CHECKPOINT", "EVALUATIONS", "SETTINGS", "command", "run"]
@@ -72,6 +72,7 @@ def run(
         ValueError: the folder holds a run and neither ``resume`` nor ``overwrite`` is set, or holds another run
             (``resume``); a setting that does not fit the environment.
     """
+    require("threads", threads, "", at_least=1, at_most=1024, whole=True)
     check(settings, folder, resume, overwrite)
     torch.set_num_threads(threads)
     started = time.perf_counter()
