@@ -30,7 +30,11 @@ def known_policies() -> tuple[str, ...]:
 def check_policy(name: str) -> None:
     """Raise ValueError unless ``name`` is a known one or the path of a file; the nearest known one is named."""
     if name.endswith(FILE):
-        if not Path(name).is_file():
+        try:
+            found = Path(name).is_file()
+        except OSError:  # what no file can be called
+            found = False
+        if not found:
             raise ValueError(f"policy {shown(name)}: no such file; allowed: the path of a learned policy's {FILE} file")
     elif name not in (known := known_policies()):
         raise ValueError(

@@ -423,8 +423,13 @@ def road_suite(file: Path) -> Suite:
     Raises:
         ValueError, OSError: the file is missing or is not a drivable road; the message says why.
     """
-    if not file.is_file():
-        raise ValueError(f"--road {file}: no such file; allowed: a CSV file with the columns x, y in m")
+    name = str(file) if str(file).isprintable() and len(str(file)) < 1000 else shown(str(file))
+    try:
+        found = file.is_file()
+    except OSError as error:
+        raise ValueError(f"--road {name} cannot be read: {error.strerror}") from None
+    if not found:
+        raise ValueError(f"--road {name}: no such file; allowed: a CSV file with the columns x, y in m")
     keywords: dict[str, Any] = {"road": {"kind": "file", "path": str(file)}, **_COMMON}
     definition = LaneKeepScenario.from_keywords(**keywords)
     ((road, speed),) = build_roads(definition.road, definition.speed)

@@ -96,7 +96,7 @@ def resume_benchmark(folder: Path) -> None:
     with mock.patch.object(benchmark, "make_plan", _planned):
         plan, opened = benchmark.open_run(None, None, None, None, None, out=folder, resume=True)
     with opened:
-        lines = [json.loads(line) for line in (folder / EPISODES).read_bytes().splitlines()]
+        lines = [json.loads(line) for line in (folder / EPISODES).read_bytes().split(b"\n") if line]
     assert len(lines) == len(plan.results) == len({result.place for result in plan.results}) <= plan.total
     for line in lines:
         assert set(line["metrics"]) == set(plan.metrics[line["scenario"]])
