@@ -58,6 +58,8 @@ def check_arrays(model: BaseAlgorithm, arrays: Arrays, fresh: Arrays) -> None:
     for name, found in arrays.items():
         if name not in wanted and not name.startswith(optimizers):
             raise ValueError(f"{shown(name)} is unknown")
+        if name not in wanted and found.dtype != np.float32:
+            raise ValueError(f"{shown(name)} is {found.dtype}, allowed: float32")
         if found.dtype.kind == "f" and not name.startswith(_MAY_LACK) and not np.isfinite(found).all():
             raise ValueError(f"{shown(name)} holds {found[~np.isfinite(found)][0]}, allowed: finite numbers")
     for name in ("normalisation.variance", "normalisation.count", "best.variance"):
