@@ -1,9 +1,11 @@
 # The same steps by hand and in .ci/run. Use an active virtual environment, or name one: make test PYTHON=.venv/bin/python
 PYTHON ?= python
 
-.PHONY: help install format lint types test smoke bench speed ci
+.PHONY: help install format lint types test smoke compat lowest bench speed same metrics fuzz ci
 help:
-	@echo "make install | format | lint | types | test | smoke | bench | speed | ci"
+	@echo "make install | format | lint | types | test | smoke | compat | lowest | bench | speed | ci"
+	@echo "make same OLD=another checkout: whether both drive equal episodes, equally fast | metrics: sizes of the code"
+	@echo "make fuzz: 10,000 random scenarios, 3,000 damaged files of each kind (half an hour)"
 
 install:
 	$(PYTHON) -m pip install -e ".[test]" -c constraints.txt
@@ -26,11 +28,37 @@ test:
 smoke:
 	PYTHON="$(PYTHON)" bash .ci/smoke
 
+# A part of the tests (which: .ci/compat) with the lowest versions that are admitted and with the newest; Python 3.11.
+compat:
+	PYTHON="$(PYTHON)" bash .ci/compat
+
+# constraints-lowest.txt anew after a bound has changed; needs uv. Resolved as for macOS, where torch brings no CUDA
+# packages; the other pins are the same on Linux.
+lowest:
+	MACOSX_DEPLOYMENT_TARGET=14.0 uv pip compile pyproject.toml --extra test --resolution lowest-direct \
+		--python-version 3.11 --python-platform macos --constraint constraints-newest.txt --no-annotate \
+		--custom-compile-command "make lowest" --quiet --output-file constraints-lowest.txt
+
 bench:
 	$(PYTHON) -m lanekeep_benchmarks bench
 
 speed:
 	$(PYTHON) -m lanekeep_benchmarks speed
+
+# For large changes of form: episodes equal another checkout's bit for bit, and pass as fast. OLD=../old
+same:
+	$(PYTHON) tests/same_episodes.py $(OLD)
+	$(PYTHON) tests/same_speed.py $(OLD)
+
+metrics:
+	$(PYTHON) tests/code_metrics.py
+
+# Slow: what is drawn here is drawn smaller in the tests.
+fuzz:
+	$(PYTHON) tests/fuzz/scenarios.py --count 10000
+	$(PYTHON) tests/fuzz/places.py --count 3000
+	$(PYTHON) tests/fuzz/policies.py --count 3000
+	$(PYTHON) tests/fuzz/results.py --count 3000
 
 ci:
 	bash .ci/run

@@ -18,7 +18,7 @@ LONGEST_ECHO = 80
 
 
 def shown(value: Any) -> str:
-    """Return ``repr(value)`` on one line for an error, cut where it is long, however large the value is."""
+    """Return ``repr(value)`` on one line for an error, cut where it is long, whatever the value is."""
     text = " ".join(_SHORT.repr(value).split())
     return text if len(text) <= LONGEST_ECHO else f"{text[: LONGEST_ECHO - 3]}..."
 

@@ -10,6 +10,9 @@ from lanekeep_env.checks import choose, from_mapping, require
 
 Range = tuple[float, float]
 
+#: Share of the friction that a speed profile uses at the most.
+FRICTION_SHARE = 0.8
+
 
 @dataclass(frozen=True)
 class Randomisation:

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lanekeep_env.checks import nearest
+from lanekeep_env.checks import nearest, shown
 
 if TYPE_CHECKING:
     from lanekeep_agents.binding import Scenario
@@ -43,16 +43,19 @@ def _drives(name: str, scenario: Scenario) -> bool:
     return True
 
 
-def load(name_or_path: str | Path, scenario: Scenario | None = None) -> LearnedPolicy:
-    """Load a learned policy; nothing in its files is executed.
+def load(name_or_path: str | Path, scenario: Scenario | None = None, *, allow_files: bool = False) -> LearnedPolicy:
+    """Load a learned policy; nothing in its files is executed, and no other file is read.
 
     Args:
         name_or_path: one of `names`, or the path of a policy's .json or .safetensors file.
         scenario: to drive, ``env.unwrapped.scenario``; by default the one that the policy was trained on.
+        allow_files: where that one is on a road or in a world from a file, read this file, wherever it is. For
+            policies of people that you trust; not needed with ``scenario``.
 
     Raises:
-        ValueError: an unknown name (the nearest one is named), files that are not those of a policy, or a scenario
-            that lacks a channel, or means something else by it, or has another control step or number of actions.
+        ValueError: an unknown name (the nearest one is named), files that are not those of a policy, a scenario that
+            lacks a channel, or means something else by it, or has another control step or number of actions, or one
+            trained on that names a file which is not allowed.
         ImportError: safetensors is not installed; names the extra that brings it.
     """
     from lanekeep_agents.learned import LearnedPolicy
@@ -63,12 +66,12 @@ def load(name_or_path: str | Path, scenario: Scenario | None = None) -> LearnedP
         shipped = names()
         if str(name_or_path) not in shipped:
             raise ValueError(
-                f"policy={str(name_or_path)!r} is unknown{nearest(str(name_or_path), shipped)}; allowed: "
+                f"policy={shown(str(name_or_path))} is unknown{nearest(str(name_or_path), shipped)}; allowed: "
                 f"{', '.join((*shipped, 'the path of a .json or .safetensors file'))}"
             )
         path = _zoo() / f"{name_or_path}.json"
     record, tensors = read_policy(path)
-    return LearnedPolicy(record, tensors, scenario)
+    return LearnedPolicy(record, tensors, scenario, allow_files=allow_files)
 
 
 def _zoo() -> Path:

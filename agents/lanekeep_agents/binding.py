@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lanekeep_baselines
+from lanekeep_agents.foreign import one_line, refuse_files
 from lanekeep_agents.policy_record import InputChannel, PolicyRecord
 from lanekeep_env import ENVIRONMENTS
+from lanekeep_env.checks import shown
 
 
 class DescribedChannel(Protocol):
@@ -46,6 +48,11 @@ class Scenario(Protocol):
 class Binding:
     """A record bound to a scenario.
 
+    Args:
+        record: of the policy.
+        scenario: to drive, by default the one trained on.
+        allow_files: let the one trained on read the road or the world whose file it names.
+
     Attributes:
         columns: of the scenario's observation, in the order of the policy's inputs.
         width: channels of the scenario.
@@ -56,11 +63,11 @@ class Binding:
             another number of actions.
     """
 
-    def __init__(self, record: PolicyRecord, scenario: Scenario | None = None) -> None:
+    def __init__(self, record: PolicyRecord, scenario: Scenario | None = None, *, allow_files: bool = False) -> None:
         if scenario is None:
-            scenario = trained_scenario(record)
+            scenario = trained_scenario(record, allow_files)
         if not hasattr(scenario, "channels"):
-            raise ValueError(f"scenario={scenario!r} is none; pass env.unwrapped.scenario")
+            raise ValueError(f"scenario={shown(scenario)} is none; pass env.unwrapped.scenario")
         self._record, self._scenario = record, scenario
         _check(record, scenario)
         order = {channel.name: i for i, channel in enumerate(scenario.channels)}
@@ -75,22 +82,25 @@ class Binding:
         if self._converts and "steering_rate" in (record.action, scenario.action) and self._command < 0:
             raise ValueError(
                 f"policy {record.name!r} needs the channel 'steering_command' to turn its {record.action} into the "
-                f"scenario's {scenario.action}; channels: {', '.join(order)}"
+                f"scenario's {scenario.action}; channels: {one_line(', '.join(order))}"
             )
         self.base = None if record.base is None else self._make_base(record.base)
 
     def _make_base(self, name: str) -> lanekeep_baselines.Policy:
         """Make the base for the action trained on, so that both of its meanings, input and sum, stay the same."""
         scenario: Any = self._scenario
-        if self._converts:
-            record = self._record
-            scenario = replace(
-                scenario,
-                action=record.action,
-                max_steering_angle=record.max_steering_angle,
-                max_steering_rate=record.max_steering_rate,
-            )
-        return lanekeep_baselines.make(name, scenario)
+        record = self._record
+        try:
+            if self._converts:
+                scenario = replace(
+                    scenario,
+                    action=record.action,
+                    max_steering_angle=record.max_steering_angle,
+                    max_steering_rate=record.max_steering_rate,
+                )
+            return lanekeep_baselines.make(name, scenario)
+        except (ValueError, ArithmeticError) as error:
+            raise ValueError(f"policy {record.name!r}: base={shown(name)}: {one_line(error)}") from None
 
     def convert(self, action: NDArray[np.float32], observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return actions in [-1, 1] that ask the scenario for what the policy asked its own one for.
@@ -115,13 +125,17 @@ class Binding:
         return converted
 
 
-def trained_scenario(record: PolicyRecord) -> Scenario:
-    """Build the scenario that a policy was trained on."""
+def trained_scenario(record: PolicyRecord, allow_files: bool = False) -> Scenario:
+    """Build the scenario that a policy was trained on; a file that it names is only read where that is allowed."""
+    if not allow_files:
+        refuse_files(record)
     module, environment = ENVIRONMENTS[record.env_id][0].split(":")
     try:
         return getattr(import_module(module), environment).scenario_class.from_keywords(**record.scenario)
-    except TypeError as error:
-        raise ValueError(f"policy {record.name!r}: scenario is not one of {record.env_id} ({error})") from None
+    except (TypeError, ValueError, ArithmeticError) as error:
+        raise ValueError(
+            f"policy {record.name!r}: scenario is not one of {record.env_id} ({one_line(error)})"
+        ) from None
 
 
 def _check(record: PolicyRecord, scenario: Scenario) -> None:
@@ -132,7 +146,7 @@ def _check(record: PolicyRecord, scenario: Scenario) -> None:
     ):
         if trained != found:
             raise ValueError(
-                f"policy {record.name!r} is not for a scenario with {field}={found!r}; allowed: {trained!r}"
+                f"policy {record.name!r} is not for a scenario with {field}={shown(found)}; allowed: {shown(trained)}"
             )
 
 
@@ -140,15 +154,15 @@ def _column(record: PolicyRecord, wanted: InputChannel, scenario: Scenario, orde
     """The column of a channel that means the same."""
     if wanted.name not in order:
         raise ValueError(
-            f"policy {record.name!r} needs the channel {wanted.name!r} ({wanted.description}), which the scenario does "
-            f"not observe; channels: {', '.join(order)}"
+            f"policy {record.name!r} needs the channel {shown(wanted.name)} ({shown(wanted.description)}), which the "
+            f"scenario does not observe; channels: {one_line(', '.join(order))}"
         )
     found = scenario.channels[order[wanted.name]]
     for field in ("unit", "description"):
         if getattr(found, field) != getattr(wanted, field):
             raise ValueError(
-                f"policy {record.name!r}: the scenario's channel {wanted.name!r} has the {field} "
-                f"{getattr(found, field)!r}, allowed: {getattr(wanted, field)!r}"
+                f"policy {record.name!r}: the scenario's channel {shown(wanted.name)} has the {field} "
+                f"{getattr(found, field)!r}, allowed: {shown(getattr(wanted, field))}"
             )
     return order[wanted.name]
 

@@ -23,6 +23,7 @@ class LearnedPolicy:
     Args:
         record, tensors: what `read_policy` returns.
         scenario: to drive, by default the one trained on.
+        allow_files: let the one trained on read the road or the world whose file it names.
 
     Attributes:
         name: of the policy.
@@ -33,12 +34,17 @@ class LearnedPolicy:
     """
 
     def __init__(
-        self, record: PolicyRecord, tensors: Mapping[str, NDArray[np.float32]], scenario: Scenario | None = None
+        self,
+        record: PolicyRecord,
+        tensors: Mapping[str, NDArray[np.float32]],
+        scenario: Scenario | None = None,
+        *,
+        allow_files: bool = False,
     ) -> None:
         check_tensors(record, tensors)
         self.record = record
         self.name = record.name
-        self._bound = Binding(record, scenario)
+        self._bound = Binding(record, scenario, allow_files=allow_files)
         variance = tensors["variance"].astype(np.float64)
         # What is added to or multiplied by blocks has their shape: numpy then runs through a block at once.
         self._mean = _block(tensors["mean"])

@@ -10,10 +10,14 @@ from itertools import pairwise
 from typing import Any, ClassVar, Self
 
 from lanekeep_env import ENVIRONMENTS
-from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
+from lanekeep_env.checks import LONGEST_ECHO, choose, from_mapping, plain_numbers, require, shown
 
 #: Of the files that this version writes and reads.
 FORMAT = 1
+#: The largest float32.
+LARGEST_CLIP = (2.0 - 2.0**-23) * 2.0**127
+#: Levels that the values of a scenario or a training may have; they have four.
+DEEPEST = 32
 
 Shape = tuple[int, ...]
 
@@ -47,13 +51,15 @@ class Network:
 
     def __post_init__(self) -> None:
         if not isinstance(self.hidden, tuple | list) or len(self.hidden) > 8:
-            raise ValueError(f"network.hidden={self.hidden!r} is not allowed: it must be a list of at most 8 widths")
+            raise ValueError(
+                f"network.hidden={shown(self.hidden)} is not allowed: it must be a list of at most 8 widths"
+            )
         for width in self.hidden:
             require("network.hidden", width, "units", at_least=2, at_most=4096, whole=True)
         object.__setattr__(self, "hidden", tuple(int(width) for width in self.hidden))
         choose("network.activation", self.activation, ("relu", "tanh"))
         if not isinstance(self.squash, bool):
-            raise ValueError(f"network.squash={self.squash!r} is not allowed: it must be true or false")
+            raise ValueError(f"network.squash={shown(self.squash)} is not allowed: it must be true or false")
 
 
 @dataclass(frozen=True)
@@ -64,7 +70,7 @@ class Normalisation:
     epsilon: float = 1e-8
 
     def __post_init__(self) -> None:
-        require("normalisation.clip", self.clip, "", above=0.0)
+        require("normalisation.clip", self.clip, "", above=0.0, at_most=LARGEST_CLIP)
         require("normalisation.epsilon", self.epsilon, "", above=0.0)
         plain_numbers(self)
 
@@ -150,8 +156,10 @@ class PolicyRecord:
     def __post_init__(self) -> None:
         for name, read in self._parts.items():
             object.__setattr__(self, name, read(getattr(self, name)))
-        if not isinstance(self.name, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._+-]*", self.name):
-            raise ValueError(f"name={self.name!r} is not allowed: it must be letters, digits and . _ + -")
+        if not isinstance(self.name, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,199}", self.name):
+            raise ValueError(
+                f"name={shown(self.name)} is not allowed: it must be letters, digits and . _ + -, 200 of them at most"
+            )
         _text("algorithm", self.algorithm)
         choose("env_id", self.env_id, ENVIRONMENTS)
         object.__setattr__(self, "scenario", _mapping("scenario", self.scenario))
@@ -165,7 +173,7 @@ class PolicyRecord:
             _text("base", self.base)
             require("bound", self.bound, "(a share of the action)", above=0.0, at_most=2.0)
         elif self.bound is not None:
-            raise ValueError(f"bound={self.bound!r} is not allowed: it must be null where base is null")
+            raise ValueError(f"bound={shown(self.bound)} is not allowed: it must be null where base is null")
         if self.sha256:
             _digits("sha256", self.sha256, 64)
         plain_numbers(self)
@@ -198,7 +206,7 @@ class PolicyRecord:
         if not isinstance(values, Mapping) or "format" not in values:
             raise ValueError("format is missing: not the record of a learned policy")
         if values["format"] != FORMAT or isinstance(values["format"], bool):
-            raise ValueError(f"format={values['format']!r} is unknown; allowed: {FORMAT}")
+            raise ValueError(f"format={shown(values['format'])} is unknown; allowed: {FORMAT}")
         record = _part(cls, {name: value for name, value in values.items() if name != "format"}, "the record", True)
         _digits("sha256", record.sha256, 64)
         return record
@@ -213,7 +221,7 @@ def _part(record: type[Any], value: Any, name: str, whole: bool = False) -> Any:
     if isinstance(value, record):
         return value
     if not isinstance(value, Mapping):
-        raise ValueError(f"{name}={value!r} is not allowed: it must be a mapping of {record.__name__}'s fields")
+        raise ValueError(f"{name}={shown(value)} is not allowed: it must be a mapping of {record.__name__}'s fields")
     for field in fields(record):
         if field.name not in value and (whole or field.default is MISSING):
             raise ValueError(f"{name} lacks the field {field.name!r}")
@@ -222,38 +230,42 @@ def _part(record: type[Any], value: Any, name: str, whole: bool = False) -> Any:
 
 def _channels(value: Any) -> tuple[InputChannel, ...]:
     if not isinstance(value, Sequence) or isinstance(value, str) or not value:
-        raise ValueError(f"channels={value!r} is not allowed: it must be a list of at least one channel")
+        raise ValueError(f"channels={shown(value)} is not allowed: it must be a list of at least one channel")
     channels = tuple(_part(InputChannel, channel, f"channels[{i}]") for i, channel in enumerate(value))
     names = [channel.name for channel in channels]
     if len(set(names)) < len(names):
-        raise ValueError(f"channels={names!r} is not allowed: a name appears twice")
+        raise ValueError(f"channels={shown(names)} is not allowed: a name appears twice")
     return channels
 
 
 def _text(name: str, value: Any, empty: bool = False) -> None:
     if not isinstance(value, str) or not (value or empty):
-        raise ValueError(f"{name}={value!r} is not allowed: it must be text")
+        raise ValueError(f"{name}={shown(value)} is not allowed: it must be text")
 
 
 def _digits(name: str, value: Any, number: int) -> None:
     if not isinstance(value, str) or not re.fullmatch(f"[0-9a-f]{{{number}}}", value):
-        raise ValueError(f"{name}={value!r} is not allowed: it must be {number} hexadecimal digits")
+        raise ValueError(f"{name}={shown(value)} is not allowed: it must be {number} hexadecimal digits")
 
 
 def _mapping(name: str, value: Any) -> dict[str, Any]:
     if not isinstance(value, Mapping):
-        raise ValueError(f"{name}={value!r} is not allowed: it must be a mapping")
+        raise ValueError(f"{name}={shown(value)} is not allowed: it must be a mapping")
     return _plain(name, value)
 
 
-def _plain(name: str, value: Any) -> Any:
+def _plain(name: str, value: Any, level: int = 0) -> Any:
     """Return a value as JSON gives it back."""
+    if level > DEEPEST:
+        raise ValueError(f"{name} is nested too deeply; allowed are {DEEPEST} levels")
     if isinstance(value, Mapping):
         for key in value:
             _text(f"a key of {name}", key, empty=True)
-        return {key: _plain(f"{name}.{key}", one) for key, one in value.items()}
+        return {key: _plain(f"{name}.{key[:LONGEST_ECHO]}", one, level + 1) for key, one in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(name, one) for one in value]
+        return [_plain(name, one, level + 1) for one in value]
     if value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value)):
         return value
-    raise ValueError(f"{name}={value!r} is not allowed: it must be a finite number, text, true, false, null or a list")
+    raise ValueError(
+        f"{name}={shown(value)} is not allowed: it must be a finite number, text, true, false, null or a list"
+    )

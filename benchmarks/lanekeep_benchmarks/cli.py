@@ -157,9 +157,9 @@ def bench(
 def _progress(unit: str = "episodes") -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn(unit))
     console = _console(stderr=True)
-    # Where nobody watches, it would leave an empty line.
-    disable = not console.is_terminal
-    return Progress(*columns, TimeElapsedColumn(), console=console, transient=True, disable=disable)
+    # Where nobody watches, it would leave an empty line; rich before 14.3 does so even where it is disabled.
+    console.quiet = not console.is_terminal
+    return Progress(*columns, TimeElapsedColumn(), console=console, transient=True, disable=console.quiet)
 
 
 @app.command(name="play")

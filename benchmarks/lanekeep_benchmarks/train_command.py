@@ -94,5 +94,6 @@ def _progress() -> Progress:
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     further = (TimeRemainingColumn(), TextColumn("{task.fields[told]}"))
-    # Where nobody watches, it would leave an empty line.
-    return Progress(*columns, *further, console=console, transient=True, disable=not console.is_terminal)
+    # Where nobody watches, it would leave an empty line; rich before 14.3 does so even where it is disabled.
+    console.quiet = not console.is_terminal
+    return Progress(*columns, *further, console=console, transient=True, disable=console.quiet)

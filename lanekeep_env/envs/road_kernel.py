@@ -32,11 +32,27 @@ from lanekeep_env.physics.numeric import clip, larger, like, smaller
 from lanekeep_env.physics.powertrain import pull
 from lanekeep_env.sensing.camera import edge_distance
 from lanekeep_env.sensing.measure import measure
+from lanekeep_env.tasks.divergence import DIVERGED, are_finite
 from lanekeep_env.tasks.driving import happen, move_on, wanted_speed
 from lanekeep_env.tasks.lane_keeping import judge
 
 #: Code of `lanekeep_env.Termination` where the car ahead was met.
 MET = 2.0
+#: Rows that follow from the state or that it follows from.
+STATE_ROWS = (
+    at.ALONG,
+    at.LATERAL,
+    at.HEADING,
+    at.SIDESLIP,
+    at.YAW_RATE,
+    at.SPEED,
+    at.STEER,
+    at.MOTOR,
+    at.ACCELERATION,
+    at.PULL,
+    at.LEAD_GAP,
+    at.STOP_GAP,
+)
 
 
 @helper
@@ -152,6 +168,28 @@ def _judge(n, lanes, settings, reward_, terminated_, truncated_, rate_, cost_):
 
 
 @helper
+def _end_diverged(n, lanes, settings, reward_, terminated_, rate_, cost_):
+    """End the episodes of a block whose state is no number any more, as failures; nothing of it is shown."""
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    zero, one = like(seconds, 0.0), like(seconds, 1.0)
+    along_, d_, theta_, beta_ = lanes[at.ALONG], lanes[at.LATERAL], lanes[at.HEADING], lanes[at.SIDESLIP]
+    r_, v_, a_ = lanes[at.YAW_RATE], lanes[at.SPEED], lanes[at.ACCELERATION]
+    count = 0
+    for i in range(n):
+        count += 0 if are_finite(along_[i], d_[i], theta_[i], beta_[i], r_[i], v_[i], rate_[i], a_[i]) else 1
+    for i in range(n if count > 0 else 0):
+        if not are_finite(along_[i], d_[i], theta_[i], beta_[i], r_[i], v_[i], rate_[i], a_[i]):
+            for row in STATE_ROWS:
+                lanes[row, i] = zero
+            left = settings[at.HORIZON] - lanes[at.STEP, i]
+            reward_[i] = -settings[at.COST_CAP] * seconds * (one + (left if left > zero else zero))
+            terminated_[i] = like(seconds, DIVERGED)
+            rate_[i] = zero
+            cost_[i] = one
+            lanes[at.DEPARTED, i] = one
+
+
+@helper
 def _report(first, last, lanes, outcome):
     """Copy the truth that a state decides; lane i of the block is column i of ``outcome``."""
     for i in range(first, last):
@@ -183,16 +221,21 @@ DRIVE_ROWS = (
 def _preview(first, last, samples, column, lanes, counters, road, settings, observation):
     """Write curvature at the car and ahead of it, along the road at the present speed or at fixed distances."""
     low, high = settings[at.BOUNDS + 2 * column], settings[at.BOUNDS + 2 * column + 1]
+    rows = road.shape[0]
     for i in range(first, last):
         segment = counters[at.SEGMENT, i]
         zero = like(low, 0.0)
         along = larger(lanes[at.ALONG, i], zero)
         spacing = lanes[at.SPEED, i] * settings[at.PREVIEW_TIME] + settings[at.PREVIEW_DISTANCE]
         for k in range(samples):
-            while along >= road[segment, at.R_LENGTH]:
+            for _ in range(rows):
+                if not along >= road[segment, at.R_LENGTH]:
+                    break
                 along -= road[segment, at.R_LENGTH]
                 segment = np.int64(road[segment, at.R_NEXT])
-            while along < zero and road[segment, at.R_PREVIOUS] >= zero:  # a car that backs up
+            for _ in range(rows):
+                if not (along < zero and road[segment, at.R_PREVIOUS] >= zero):  # a car that backs up
+                    break
                 segment = np.int64(road[segment, at.R_PREVIOUS])
                 along += road[segment, at.R_LENGTH]
             kappa = road[segment, at.R_CURVATURE] + road[segment, at.R_CURVATURE_SLOPE] * larger(along, zero)
@@ -368,6 +411,15 @@ def _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, t
     if drive is not None:
         reward_, terminated_ = outcome[at.O_REWARD][first:last], outcome[at.O_TERMINATED][first:last]
         _judge_drive(n, block, settings, reward_, terminated_, outcome[at.O_COST][first:last])
+    _end_diverged(
+        n,
+        block,
+        settings,
+        outcome[at.O_REWARD][first:last],
+        outcome[at.O_TERMINATED][first:last],
+        outcome[at.O_STEERING_RATE][first:last],
+        outcome[at.O_COST][first:last],
+    )
     begin = np.int64(0)  # a literal would be a type of its own and compile both functions twice
     _report(begin, n, block, told)
     _observe(begin, n, block, counted, road, settings, sensors, camera, drive, seen)
@@ -375,66 +427,67 @@ def _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, t
 
 
 # One control step of the blocks ``begin`` to ``end``; one kernel a vehicle model, so that a process
-# compiles only what it uses. numba's cache wants kernels spelled out. ``equipment`` is (sensors, gear, camera, drive,
-# timelines), each None where the scenario has none: what it lacks is then no part of the kernel. (One tuple, since
-# numba takes a tenth of a microsecond to tell the type of a None.)
+# compiles only what it uses. numba's cache wants kernels spelled out. ``equipment`` is (sensors, gear,
+# slip-speed floor, camera, drive, timelines), each None where the scenario has none, or the usual one: what it
+# lacks is then no part of the kernel. (One tuple, since numba takes a tenth of a microsecond to tell the type of a
+# None.)
 
 
 @kernel()
 def step_kinematic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
+    sensors, gear, floor, camera, _, _ = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_kinematic(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            advance_kinematic(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
             cross_segments(k, lanes, counters, road)
-        show_kinematic(lanes[k])
+        show_kinematic(lanes[k], floor)
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
 @kernel()
 def step_linear(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
+    sensors, gear, floor, camera, _, _ = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_linear(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            advance_linear(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
             cross_segments(k, lanes, counters, road)
-        show_linear(lanes[k])
+        show_linear(lanes[k], floor)
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
 @kernel()
 def step_magic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
+    sensors, gear, floor, camera, _, _ = equipment
     for k in range(begin, end):
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_magic_formula(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            advance_magic_formula(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
             cross_segments(k, lanes, counters, road)
-        show_magic_formula(lanes[k])
+        show_magic_formula(lanes[k], floor)
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
 @kernel()
 def step_front_driven(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
+    sensors, gear, floor, camera, _, _ = equipment
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_front_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            advance_front_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
             cross_segments(k, lanes, counters, road)
-        show_front_driven(lanes[k])
+        show_front_driven(lanes[k], floor)
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
 @kernel()
 def step_driven(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, drive, timelines = equipment
+    sensors, gear, floor, camera, drive, timelines = equipment
     for k in range(begin, end):
         _surroundings(k, lanes, counters, settings, timelines)
         for substep in range(_command_drive(k, lanes, counters, settings, action)):
             _pull(k, lanes, counters, settings, drive)
-            advance_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            advance_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
             cross_segments(k, lanes, counters, road)
-        show_driven(lanes[k])
+        show_driven(lanes[k], floor)
         _finish(
             k, lanes, counters, road, roads, settings, sensors, camera, drive, timelines, action, observation, outcome
         )
@@ -442,13 +495,15 @@ def step_driven(begin, end, lanes, counters, road, roads, settings, equipment, a
 
 @kernel()
 def step_kinematic_paced(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
+    sensors, gear, floor, camera, _, _ = equipment
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_kinematic_paced(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
+            advance_kinematic_paced(
+                lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor
+            )
             cross_segments(k, lanes, counters, road)
-        show_kinematic_paced(lanes[k])
+        show_kinematic_paced(lanes[k], floor)
         _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
 
 
@@ -517,7 +572,7 @@ STEP_PARALLEL = {
 def reset(mask, start, lanes, counters, road, roads, settings, equipment, observation, outcome):
     """Start the next episode where ``mask`` is set; ``start`` (4, n) fixes what is not NaN."""
     size = lanes.shape[2]
-    sensors, _, camera, drive, timelines = equipment
+    sensors, _, _, camera, drive, timelines = equipment
     for k in range(mask.shape[0]):
         if mask[k]:
             first = k // size * size

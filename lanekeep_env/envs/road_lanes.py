@@ -14,9 +14,8 @@ from lanekeep_env.checks import shown
 from lanekeep_env.envs import road_kernel
 from lanekeep_env.envs.given_state import check_state, row_of
 from lanekeep_env.rendering.road_picture import Pose
-from lanekeep_env.roads import Road, RoadSpec, SetSpeeds, SpeedSpec, build_roads
+from lanekeep_env.roads import Road, RoadSpec, SetSpeeds, SpeedSpec, road_set
 from lanekeep_env.scenario import (
-    INTEGRATION_STEP,
     CameraLaneScenario,
     DriveScenario,
     LaneKeepScenario,
@@ -35,12 +34,6 @@ START_OPTIONS = ("lateral_error", "heading_error", "arc_length", "road_index")
 
 
 @functools.lru_cache(maxsize=16)
-def _road_set(road: RoadSpec, speed: SpeedSpec, fingerprint: str) -> tuple[tuple[Road, np.ndarray], ...]:
-    """Build the roads and their speeds once a process; ``fingerprint`` notices a changed file."""
-    return build_roads(road, speed)
-
-
-@functools.lru_cache(maxsize=16)
 def road_tables(
     road: RoadSpec, speed: SpeedSpec, fingerprint: str, duration: float, dtype: str
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -50,7 +43,7 @@ def road_tables(
     seconds start so early that they do not get there, where the road is long enough.
     """
     segments, roads, first = [], [], 0
-    for geometry, speeds in _road_set(road, speed, fingerprint):
+    for geometry, speeds in road_set(road, speed):
         n = len(geometry.lengths)
         squared = speeds**2
         table = np.zeros((n + (not geometry.closed), at.ROAD_COLUMNS))
@@ -69,6 +62,7 @@ def road_tables(
         else:
             table[0, at.R_PREVIOUS] = -1
             table[-1, at.R_LENGTH] = np.inf
+            table[-1, at.R_NEXT] = first + len(table) - 1  # nothing is behind it
             table[-1, at.R_CURVATURE] = geometry.curvature_end[-1]
             table[-1, at.R_SPEED_SQUARED] = squared[-1]
             with np.errstate(divide="ignore"):
@@ -142,7 +136,7 @@ class RoadLanes:
             s.road, s.speed, s.road.fingerprint(), s.episode_steps * s.control_step, self.dtype
         )
         # Flat: numba cannot hand a tuple of tuples to several threads.
-        self.equipment = self.sensors, self.gear, self._camera(), *self._drive()
+        self.equipment = self.sensors, self.gear, s.integration.lowered_floor, self._camera(), *self._drive()
         model = int(self.settings[at.MODEL])
         self.step = road_kernel.STEP[model]
         self.step_parallel = road_kernel.STEP_PARALLEL[model]
@@ -152,13 +146,14 @@ class RoadLanes:
         values = np.zeros(at.BOUNDS + 2 * self.num_channels, dtype=self.dtype)
         steering = s.vehicle.steering
         rate_mode = s.action == "steering_rate"
-        values[at.STEP_TIME] = INTEGRATION_STEP
-        values[at.SUBSTEPS] = round(s.control_step / INTEGRATION_STEP)
+        step = s.integration.step
+        values[at.STEP_TIME] = step
+        values[at.SUBSTEPS] = round(s.control_step / step)
         values[at.MODEL] = s.model
         values[at.IDEAL_STEERING] = steering.lag == 0.0 and steering.rate_limit is None
         values[at.ACTION_KIND] = ACTIONS[s.action]
         values[at.ACTION_SCALE] = s.max_steering_rate if rate_mode else s.max_steering_angle
-        values[at.COMMAND_LIMIT] = min(s.max_steering_angle, steering.angle_limit or np.inf)
+        values[at.COMMAND_LIMIT] = s.largest_angle
         values[at.HALF_LANE] = s.departure_limit
         values[at.DEPARTURE] = DEPARTURES[s.departure]
         values[at.COST_WEIGHT] = s.cost_weight
@@ -176,13 +171,13 @@ class RoadLanes:
         if isinstance(s.speed, SetSpeeds):
             values[at.SPEED_LOW], values[at.SPEED_HIGH] = s.speed.minimum, s.speed.maximum
             values[at.SPEED_HOLD] = np.inf if s.speed.hold is None else round(s.speed.hold / s.control_step)
-            values[at.SPEED_CHANGE] = s.speed.acceleration * INTEGRATION_STEP
+            values[at.SPEED_CHANGE] = s.speed.acceleration * step
             values[at.STANDSTILL] = s.speed.standstill
         values[at.FULL] = s.observation == "full"
         values[at.START_LATERAL] = s.start_lateral_error
         values[at.START_HEADING] = s.start_course_error
         values[at.COST_LATERAL] = s.reference_lateral_error
-        values[at.LATERAL_LIMIT] = getattr(s.speed, "lateral_acceleration", None) or 0.0
+        values[at.LATERAL_LIMIT] = s.speed.lateral_limit
         values[at.NOMINAL : at.NOMINAL + at.NOMINAL_SIZE] = (
             s.vehicle.mass,
             s.vehicle.yaw_inertia,
@@ -197,7 +192,7 @@ class RoadLanes:
         values[at.RANGES : at.RANGES + at.RANGES_SIZE] = s.randomisation.bounds()
         longest = steering.delay + s.randomisation.steering_delay[1]
         if longest > 0.0:
-            values[at.DELAY_DEPTH] = round(longest / INTEGRATION_STEP) // values[at.SUBSTEPS] + 2
+            values[at.DELAY_DEPTH] = round(longest / step) // values[at.SUBSTEPS] + 2
         values[at.HORIZON] = s.episode_steps
         values[at.BOUNDS :] = s.channel_bounds().ravel()
         return values
@@ -234,7 +229,7 @@ class RoadLanes:
         s = self.scenario
         if not isinstance(s, DriveScenario):
             return None, None
-        return s.powertrain.numbers(INTEGRATION_STEP).astype(self.dtype), s.traffic.build()
+        return s.powertrain.numbers(s.integration.step).astype(self.dtype), s.traffic.build()
 
     def _camera(self) -> np.ndarray | None:
         """Numbers of the camera and the marking of each row of the road table, or None without a camera."""
@@ -327,14 +322,14 @@ class RoadLanes:
     def road_set(self) -> tuple[tuple[Road, np.ndarray], ...]:
         """The roads with their node speeds (m/s), as built for this scenario."""
         s = self.scenario
-        return _road_set(s.road, s.speed, s.road.fingerprint())
+        return road_set(s.road, s.speed)
 
     def pose(self, lane: int) -> Pose:
         """Where a lane's car is, for pictures."""
         block, i = divmod(lane, self.lanes.shape[2])
         car = self.lanes[block, :, i].tolist()
         road, _ = self.road_set()[int(self.counters[at.ROAD, lane])]
-        edge = car[at.EDGE] if self.equipment[2] is not None else None
+        edge = car[at.EDGE] if self.equipment[3] is not None else None
         return Pose(
             road=road,
             s=car[at.STATION] + car[at.ALONG],

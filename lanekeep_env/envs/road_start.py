@@ -6,10 +6,12 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
+from lanekeep_env.physics.integrate import LARGEST_SIDESLIP
 from lanekeep_env.physics.numeric import clip, larger, like
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.physics.powertrain import choose_gear
 from lanekeep_env.physics.single_track import SMALLEST_PATH_SCALE
+from lanekeep_env.randomisation import FRICTION_SHARE
 from lanekeep_env.randomness import derive, uniform
 from lanekeep_env.tasks.driving import happen
 from lanekeep_env.tasks.lane_keeping import steady_turning
@@ -22,9 +24,6 @@ DRAW_CAR = np.int64(4)  # and the following, one a randomised number
 DRAW_TIMELINE, DRAW_SLOPE, DRAW_WIND = np.int64(80), np.int64(81), np.int64(82)
 #: Counter of the first set speed of an episode; one a control step from there.
 FIRST_SET_SPEED = np.int64(1 << 33)
-
-#: Share of the friction that the speed profile uses at the most.
-FRICTION_SHARE = 0.8
 
 
 @helper
@@ -44,14 +43,17 @@ def cross_segments(k, lanes, counters, road):
     """Move lanes of block ``k`` that left their segment, forwards or backwards, into the neighbour.
 
     The sub-step ran on with the old segment's curvature for ``over`` metres; the turn that the new one
-    would have given over the same way is put in its place, so headings stay right over any number of jumps.
+    would have given over the same way is put in its place, so headings stay right over any number of jumps. What is
+    left after as many segments as there are goes on in the next sub-step: not even inf is looped over for ever.
     """
     first, block = k * lanes.shape[2], lanes[k]
     along, length = block[at.ALONG], block[at.SEGMENT_LENGTH]
     zero, half, one = like(along[0], 0.0), like(along[0], 0.5), like(along[0], 1.0)
     least = like(along[0], SMALLEST_PATH_SCALE)
     for i in range(block.shape[1]):
-        while along[i] >= length[i]:
+        for _ in range(road.shape[0]):
+            if not along[i] >= length[i]:
+                break
             over = along[i] - length[i]
             slope = block[at.CURVATURE_SLOPE, i]
             old = block[at.CURVATURE, i] + slope * length[i]
@@ -66,7 +68,9 @@ def cross_segments(k, lanes, counters, road):
             block[at.HEADING, i] += turn
             block[at.LATERAL, i] = d + half * turn * way
             along[i] = after
-        while along[i] < zero and road[counters[at.SEGMENT, first + i], at.R_PREVIOUS] >= zero:
+        for _ in range(road.shape[0]):
+            if not (along[i] < zero and road[counters[at.SEGMENT, first + i], at.R_PREVIOUS] >= zero):
+                break
             # Backwards the old segment's start curvature was held: no turn but by that.
             over = along[i]
             old = block[at.CURVATURE, i]
@@ -113,7 +117,7 @@ def draw_car(i, key, lanes, settings):
     lag = settings[at.NOMINAL + 7] * _within(key, np.int64(6), settings)
     half = 0.5 * settings[at.STEP_TIME]
     lanes[at.STEER_RESPONSE, i] = 1.0 - np.exp(-half / lag) if lag > 0.0 else 1.0
-    lanes[at.STEER_GAIN, i] = half / lag if lag > 0.0 else 1.0
+    lanes[at.STEER_GAIN, i] = min(half / lag, 1.0) if lag > 0.0 else 1.0
     lanes[at.STEER_CHANGE, i] = settings[at.NOMINAL + 8] * half
     delay = settings[at.NOMINAL + 9] + _within(key, np.int64(7), settings)
     lanes[at.DELAY, i] = np.floor(delay / settings[at.STEP_TIME] + 0.5)
@@ -198,6 +202,7 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
         lateral = (2.0 * uniform(key, DRAW_LATERAL) - 1.0) * settings[at.START_LATERAL]
     if np.isnan(heading):
         heading = (2.0 * uniform(key, DRAW_HEADING) - 1.0) * settings[at.START_HEADING] - beta
+    beta = clip(beta, -LARGEST_SIDESLIP, LARGEST_SIDESLIP)  # of tyres too soft for the curve
     lanes[at.ALONG, i] = along
     lanes[at.LATERAL, i] = lateral
     lanes[at.HEADING, i] = heading

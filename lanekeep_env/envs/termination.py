@@ -12,3 +12,5 @@ class Termination(IntEnum):
     LANE_DEPARTURE = 1
     CONTACT = 2
     FINISHED = 3
+    #: The car's state was no number any more: a fault of the simulation, counted as a failure of the episode.
+    DIVERGED = 4

@@ -24,6 +24,7 @@ from lanekeep_env.physics.integrate import (
 from lanekeep_env.physics.numeric import clip, like, sin_cos, smaller, wrapped
 from lanekeep_env.sensing.measure import measure
 from lanekeep_env.sensing.scan import take_scan
+from lanekeep_env.tasks.divergence import DIVERGED, are_finite
 from lanekeep_env.tasks.wall_driving import judge_circuit, judge_following
 from lanekeep_env.walls.contact import clearance, sweeps
 
@@ -194,6 +195,38 @@ def _lap(i, progress, lanes, counters, worlds, settings):
 
 
 @helper
+def _diverged(i, lanes):
+    """Whether row i's state is no number any more; it then stands where it was before the control step."""
+    if are_finite(
+        lanes[at.ALONG, i],
+        lanes[at.LATERAL, i],
+        lanes[at.HEADING, i],
+        lanes[at.SIDESLIP, i],
+        lanes[at.YAW_RATE, i],
+        lanes[at.SPEED, i],
+        lanes[at.STEER, i] - lanes[at.STEER_BEFORE, i],
+        lanes[at.ACCELERATION, i],
+    ):
+        return False
+    zero = like(lanes[0, 0], 0.0)
+    for row, before in ((at.ALONG, at.BEFORE), (at.LATERAL, at.BEFORE + 1), (at.HEADING, at.BEFORE + 2)):
+        lanes[before, i] = lanes[before, i] if np.isfinite(lanes[before, i]) else zero
+        lanes[row, i] = lanes[before, i]
+    for row in (
+        at.SIDESLIP,
+        at.YAW_RATE,
+        at.SPEED,
+        at.BEFORE + 3,
+        at.STEER,
+        at.STEER_BEFORE,
+        at.MOTOR,
+        at.ACCELERATION,
+    ):
+        lanes[row, i] = zero
+    return True
+
+
+@helper
 def _drive(i, lanes, counters, worlds, settings, outcome, block):
     """Contact, progress, sensors' truth, reward and flags of lane i after its sub-steps."""
     walls, index, _, _, scratch_ = worlds
@@ -204,6 +237,7 @@ def _drive(i, lanes, counters, worlds, settings, outcome, block):
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     ends, ignored = settings[at.DEPARTURE] == at.TERMINATE, settings[at.DEPARTURE] == at.OFF
     lanes[at.STEP, i] += one
+    diverged = _diverged(i, lanes)
     touched = _touch(i, lanes, walls, first, last, settings, scratch)
     if touched and not ends:  # a wall holds the car where it was
         lanes[at.ALONG, i], lanes[at.LATERAL, i] = lanes[at.BEFORE, i], lanes[at.BEFORE + 1, i]
@@ -233,6 +267,11 @@ def _drive(i, lanes, counters, worlds, settings, outcome, block):
     else:
         done = _lap(i, progress, lanes, counters, worlds, settings) and not counts
         reward, ended = judge_circuit(progress, left, seconds, counts, done, settings[at.LARGEST_SPEED], ends)
+    if diverged:
+        counts = True
+        worst = settings[at.COST_CAP] if settings[at.TASK] == at.WALL_FOLLOW else like(zero, at.LARGEST_CIRCUIT_COST)
+        reward = -worst * seconds * (one + (left if left > zero else zero))
+        ended = like(zero, DIVERGED)
     lanes[at.DEPARTED, i] = one if counts else lanes[at.DEPARTED, i]
     outcome[at.O_REWARD, i] = reward
     outcome[at.O_TERMINATED, i] = ended
@@ -286,7 +325,7 @@ def _start(
     i, lane, lateral, heading, place, world, lanes, counters, worlds, settings, equipment, observation, outcome, block
 ):
     """Start the next episode of a lane: state, truth and observation."""
-    sensors, _, servo, numbers, beams, rows, fan, held = equipment
+    sensors, _, _, servo, numbers, beams, rows, fan, held = equipment
     walls, index, _, _, scratch = worlds
     counters[at.EPISODE, i] += 1
     start_between_walls(i, lateral, heading, place, world, lanes, counters, worlds, settings, servo, block)
@@ -308,7 +347,7 @@ def _finish(k, lanes, counters, worlds, settings, equipment, observation, outcom
     begin = k * lanes.shape[2]
     end = min(begin + lanes.shape[2], counters.shape[1])
     block, counted, told, seen = lanes[k], counters[:, begin:end], outcome[:, begin:end], observation[begin:end]
-    sensors, _, _, numbers, beams, rows, fan, held = equipment
+    sensors, _, _, _, numbers, beams, rows, fan, held = equipment
     scan = (numbers, beams, rows, fan, held)
     mode = np.int64(settings[at.AUTORESET])
     zero, one, nan = like(block[0, 0], 0.0), like(block[0, 0], 1.0), np.nan
@@ -337,29 +376,29 @@ def _finish(k, lanes, counters, worlds, settings, equipment, observation, outcom
 
 
 # One kernel a vehicle model. ``worlds`` is (walls, index, centre lines, starts, scratch), ``equipment`` (sensors, gear,
-# servo, and five arrays of the scan), all but the first None where the scenario has none; flat, since numba's threads
-# take no tuple within a tuple.
+# slip-speed floor, servo, and five arrays of the scan), all but the first None where the scenario has none; flat, since
+# numba's threads take no tuple within a tuple.
 
 
 @kernel()
 def step_kinematic(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    gear, servo = equipment[1], equipment[2]
+    gear, floor, servo = equipment[1], equipment[2], equipment[3]
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, servo, action)):
-            advance_kinematic_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear)
-        show_kinematic_paced(lanes[k])
+            advance_kinematic_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear, floor)
+        show_kinematic_paced(lanes[k], floor)
         _finish(k, lanes, counters, worlds, settings, equipment, observation, outcome)
 
 
 @kernel()
 def step_linear(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    gear, servo = equipment[1], equipment[2]
+    gear, floor, servo = equipment[1], equipment[2], equipment[3]
     for k in range(begin, end):
         set_speeds(k, lanes, counters, settings)
         for substep in range(_command(k, lanes, counters, settings, servo, action)):
-            advance_linear_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear)
-        show_linear_paced(lanes[k])
+            advance_linear_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear, floor)
+        show_linear_paced(lanes[k], floor)
         _finish(k, lanes, counters, worlds, settings, equipment, observation, outcome)
 
 

@@ -129,7 +129,13 @@ class WallLanes:
         gear = None
         if steering.backlash > 0.0:
             gear = np.array([steering.backlash / 2, steering.feedback == "motor"], dtype=self.dtype)
-        self.equipment = self.sensors, gear, s.servo.table(self._limit()), *self._scan(scratch)
+        self.equipment = (
+            self.sensors,
+            gear,
+            s.integration.lowered_floor,
+            s.servo.table(self._limit()),
+            *self._scan(scratch),
+        )
         model = int(self.settings[at.MODEL])
         self.step = wall_kernel.STEP[model]
         self.step_parallel = wall_kernel.STEP_PARALLEL[model]
@@ -145,7 +151,7 @@ class WallLanes:
 
     def _settings(self) -> np.ndarray:
         s, car, steering = self.scenario, self.scenario.vehicle, self.scenario.vehicle.steering
-        step = s.integration_step
+        step = s.integration.step
         values = np.zeros(at.BOUNDS + 2 * self.num_channels, dtype=self.dtype)
         rate_mode = s.action == "steering_rate"
         values[at.STEP_TIME] = step

@@ -33,6 +33,8 @@ from lanekeep_env.physics.steering import advance_gear, advance_steering
 
 #: A sideslip (rad) and a yaw rate (rad/s) at which a diverging car is held, so that numbers stay finite.
 LARGEST_SIDESLIP, LARGEST_YAW_RATE = 3.141592653589793, 50.0
+#: No car goes faster, m/s; speeds are observed up to it.
+LARGEST_SPEED = 100.0
 
 
 @inline
@@ -74,7 +76,7 @@ def integrator(rates: Callable[..., Any], paced: bool = False, driven: bool = Fa
 
     @helper
     @_named(rates, paced, driven)
-    def advance(lanes, command_row, settings, gear):
+    def advance(lanes, command_row, settings, gear, floor):
         """Advance the lanes of a block by one sub-step, in place; ``command_row`` holds the steering command."""
         along_, d_, theta_ = lanes[at.ALONG], lanes[at.LATERAL], lanes[at.HEADING]
         beta_, r_, steer_, command_ = lanes[at.SIDESLIP], lanes[at.YAW_RATE], lanes[at.STEER], lanes[command_row]
@@ -87,6 +89,7 @@ def integrator(rates: Callable[..., Any], paced: bool = False, driven: bool = Fa
         motor_, share_ = lanes[at.MOTOR], lanes[at.STEER_GAIN]
         pace_, target_, pull_ = lanes[at.SPEED], lanes[at.SPEED_TARGET], lanes[at.PULL]
         h = settings[at.STEP_TIME]
+        widest, fastest = like(h, LARGEST_SIDESLIP), like(h, LARGEST_YAW_RATE)
         ideal = settings[at.IDEAL_STEERING] > like(h, 0.0)
         half = h * like(h, 0.5)
         quarter = h * like(h, 0.25)  # the slope of v² is twice the acceleration
@@ -97,8 +100,8 @@ def integrator(rates: Callable[..., Any], paced: bool = False, driven: bool = Fa
             k, dk = curvature_[i], slope_[i]
             if driven:
                 v = pace_[i]
-                v_middle = _not_negative(v + half * pull_[i])
-                v_end = _not_negative(v + h * pull_[i])
+                v_middle = clip(v + half * pull_[i], like(h, 0.0), like(h, LARGEST_SPEED))
+                v_end = clip(v + h * pull_[i], like(h, 0.0), like(h, LARGEST_SPEED))
                 pace_[i] = v_end
             elif paced:  # decided when the loop is compiled, as whether there is a gear
                 v = pace_[i]
@@ -112,7 +115,7 @@ def integrator(rates: Callable[..., Any], paced: bool = False, driven: bool = Fa
                 v = _profile_speed(_not_negative(x), speed_[i], gain_[i])
                 v_middle = _not_negative(v + quarter * gain_[i])
                 v_end = _not_negative(v + half * gain_[i])
-            car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i])
+            car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
             begin, command, response, change = steer_[i], command_[i], response_[i], change_[i]
             begin = command if ideal else begin  # the road wheel follows at once
             if gear is None:
@@ -136,8 +139,9 @@ def integrator(rates: Callable[..., Any], paced: bool = False, driven: bool = Fa
             along_[i] = x + sixth * (x1 + two * (x2 + x3) + x4)
             d_[i] = d + sixth * (d1 + two * (d2 + d3) + d4)
             theta_[i] = t + sixth * (t1 + two * (t2 + t3) + t4)
-            beta_[i] = b + sixth * (b1 + two * (b2 + b3) + b4)
-            r_[i] = r + sixth * (r1 + two * (r2 + r3) + r4)
+            # Only a car without saturating tyres gets there: a linear tyre's force has no end, nor has its spin.
+            beta_[i] = clip(b + sixth * (b1 + two * (b2 + b3) + b4), -widest, widest)
+            r_[i] = clip(r + sixth * (r1 + two * (r2 + r3) + r4), -fastest, fastest)
             steer_[i] = end
 
     return advance
@@ -148,7 +152,7 @@ def shower(outputs: Callable[..., Any], paced: bool = False, driven: bool = Fals
 
     @helper
     @_named(outputs, paced, driven)
-    def show(lanes):
+    def show(lanes, floor):
         """Write the rows SPEED, SIDESLIP, YAW_RATE and ACCELERATION of a block; wrap its headings."""
         along_, speed_, gain_ = lanes[at.ALONG], lanes[at.SPEED_SQUARED], lanes[at.SPEED_SQUARED_SLOPE]
         theta_, beta_, r_, steer_ = lanes[at.HEADING], lanes[at.SIDESLIP], lanes[at.YAW_RATE], lanes[at.STEER]
@@ -157,11 +161,10 @@ def shower(outputs: Callable[..., Any], paced: bool = False, driven: bool = Fals
         peak_f_, peak_r_ = lanes[at.CAR + 6], lanes[at.CAR + 7]
         v_, acceleration_ = lanes[at.SPEED], lanes[at.ACCELERATION]
         for i in range(lanes.shape[1]):
-            car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i])
+            car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
             v = v_[i] if paced or driven else _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
             v_[i] = v
             theta_[i] = wrapped(theta_[i])
-            # Only a car without saturating tyres gets there: a linear tyre's force has no end, nor has its spin.
             beta = clip(beta_[i], -like(v, LARGEST_SIDESLIP), like(v, LARGEST_SIDESLIP))
             r = clip(r_[i], -like(v, LARGEST_YAW_RATE), like(v, LARGEST_YAW_RATE))
             beta_[i], r_[i], acceleration_[i] = outputs(beta, r, steer_[i], v, car)

@@ -6,28 +6,29 @@ absolute errors under 1e-12 in float64; in float32 rounding dominates.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba.core import types
-from numba.extending import intrinsic
+from numba.extending import lower_builtin, type_callable
 
 from lanekeep_env.compile import inline
 
 
-@intrinsic
-def like(typing_context: Any, sample: Any, constant: Any) -> Any:
+def like(sample, constant):
     """Return ``constant`` in the precision of ``sample``.
 
     A bare literal is float64 and would lift float32 lanes to float64, at half the speed.
     """
-    if not isinstance(sample, types.Float):
-        return None
+    return type(sample)(constant) if isinstance(sample, np.floating) else float(constant)
 
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return context.cast(builder, arguments[1], signature.args[1], signature.return_type)
 
-    return sample(sample, constant), codegen
+@type_callable(like)
+def _type_like(context):
+    return lambda sample, constant: sample if isinstance(sample, types.Float) else None
+
+
+@lower_builtin(like, types.Float, types.Any)
+def _lower_like(context, builder, signature, arguments):
+    return context.cast(builder, arguments[1], signature.args[1], signature.return_type)
 
 
 @inline

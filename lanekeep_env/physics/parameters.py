@@ -39,9 +39,9 @@ class SteeringActuator:
     feedback: str = "road_wheel"
 
     def __post_init__(self) -> None:
-        require("steering.lag", self.lag, "s", at_least=0.0)
-        require("steering.rate_limit", self.rate_limit, "rad/s", above=0.0, optional=True)
-        require("steering.angle_limit", self.angle_limit, "rad", above=0.0, at_most=1.5, optional=True)
+        require("steering.lag", self.lag, "s", at_least=0.0, at_most=100.0)
+        require("steering.rate_limit", self.rate_limit, "rad/s", at_least=1e-4, at_most=1e4, optional=True)
+        require("steering.angle_limit", self.angle_limit, "rad", at_least=1e-4, at_most=1.5, optional=True)
         require("steering.delay", self.delay, "s", at_least=0.0, at_most=2.0)
         require("steering.backlash", self.backlash, "rad", at_least=0.0, at_most=0.5)
         choose("steering.feedback", self.feedback, ("road_wheel", "motor"))
@@ -87,16 +87,17 @@ class VehicleParameters:
     source: str = "user"
 
     def __post_init__(self) -> None:
-        require("vehicle.mass", self.mass, "kg", above=0.0)
-        require("vehicle.yaw_inertia", self.yaw_inertia, "kg m²", above=0.0)
-        require("vehicle.cg_to_front_axle", self.cg_to_front_axle, "m", above=0.0)
-        require("vehicle.cg_to_rear_axle", self.cg_to_rear_axle, "m", above=0.0)
-        require("vehicle.front_cornering_stiffness", self.front_cornering_stiffness, "N/rad", above=0.0)
-        require("vehicle.rear_cornering_stiffness", self.rear_cornering_stiffness, "N/rad", above=0.0)
-        require("vehicle.steering_ratio", self.steering_ratio, "", above=0.0)
-        require("vehicle.length", self.length, "m", above=0.0)
-        require("vehicle.width", self.width, "m", above=0.0)
-        require("vehicle.wheel_radius", self.wheel_radius, "m", above=0.0)
+        require("vehicle.mass", self.mass, "kg", at_least=1e-3, at_most=1e6)
+        require("vehicle.yaw_inertia", self.yaw_inertia, "kg m²", at_least=1e-7, at_most=1e8)
+        require("vehicle.cg_to_front_axle", self.cg_to_front_axle, "m", at_least=1e-3, at_most=100.0)
+        require("vehicle.cg_to_rear_axle", self.cg_to_rear_axle, "m", at_least=1e-3, at_most=100.0)
+        for axle in ("front", "rear"):
+            name = f"{axle}_cornering_stiffness"
+            require(f"vehicle.{name}", getattr(self, name), "N/rad", at_least=1e-2, at_most=1e9)
+        require("vehicle.steering_ratio", self.steering_ratio, "", at_least=1e-3, at_most=1e3)
+        require("vehicle.length", self.length, "m", at_least=1e-3, at_most=100.0)
+        require("vehicle.width", self.width, "m", at_least=1e-3, at_most=100.0)
+        require("vehicle.wheel_radius", self.wheel_radius, "m", at_least=1e-3, at_most=10.0)
         if not isinstance(self.steering, SteeringActuator):
             raise ValueError(f"vehicle.steering={shown(self.steering)} must be a mapping of SteeringActuator's fields")
         plain_numbers(self)

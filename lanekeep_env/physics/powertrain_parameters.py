@@ -12,6 +12,33 @@ import numpy as np
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
 
+#: Longitudinal acceleration beyond which a powertrain is none, m/s².
+LARGEST_PULL = 100.0
+
+#: Unit, smallest and largest value of each number.
+_BOUNDS = {
+    "peak_torque": ("N m", 1e-4, 1e5),
+    "peak_speed": ("rad/s", 1.0, 1e5),
+    "torque_width": ("rad/s", 1.0, 1e5),
+    "drag_torque": ("N m", 0.0, 1e4),
+    "drag_slope": ("N m s/rad", 0.0, 1e3),
+    "idle_speed": ("rad/s", 1e-3, 1e4),
+    "final_drive": ("", 1e-3, 1e3),
+    "efficiency": ("", 1e-3, 1.0),
+    "wheel_radius": ("m", 1e-3, 10.0),
+    "drag_area": ("m²", 0.0, 100.0),
+    "rolling": ("", 0.0, 1.0),
+    "creep": ("m/s²", 0.0, 10.0),
+    "creep_speed": ("m/s", 1e-2, 100.0),
+    "brake": ("m/s²", 1e-3, 100.0),
+    "pedal_lag": ("s", 0.0, 100.0),
+    "upshift": ("rad/s", 1e-3, 1e5),
+    "upshift_throttle": ("rad/s", 0.0, 1e5),
+    "downshift": ("rad/s", 1e-3, 1e5),
+    "downshift_throttle": ("rad/s", 0.0, 1e5),
+    "shift_time": ("s", 0.0, 60.0),
+}
+
 
 @dataclass(frozen=True)
 class Powertrain:
@@ -68,20 +95,24 @@ class Powertrain:
         if not isinstance(self.gears, tuple | list) or not 1 <= len(self.gears) <= at.GEARS_MOST:
             raise ValueError(f"powertrain.gears={shown(self.gears)} is not allowed: 1 to {at.GEARS_MOST} ratios")
         for ratio in self.gears:
-            require("powertrain.gears", ratio, "", above=0.0)
+            require("powertrain.gears", ratio, "", at_least=1e-3, at_most=1e3)
         object.__setattr__(self, "gears", tuple(float(ratio) for ratio in self.gears))
         if any(after >= before for before, after in zip(self.gears[:-1], self.gears[1:], strict=True)):
             raise ValueError(f"powertrain.gears={shown(self.gears)} is not allowed: the ratios must fall")
-        positive = ("peak_torque", "peak_speed", "torque_width", "idle_speed", "final_drive", "efficiency")
-        for name in (*positive, "wheel_radius", "creep_speed", "brake", "upshift", "downshift"):
-            require(f"powertrain.{name}", getattr(self, name), "", above=0.0)
-        others = ("drag_torque", "drag_slope", "drag_area", "rolling", "creep", "pedal_lag", "upshift_throttle")
-        for name in (*others, "downshift_throttle", "shift_time"):
-            require(f"powertrain.{name}", getattr(self, name), "", at_least=0.0)
-        require("powertrain.efficiency", self.efficiency, "", at_most=1.0)
+        for name, (unit, low, high) in _BOUNDS.items():
+            require(f"powertrain.{name}", getattr(self, name), unit, at_least=low, at_most=high)
         require("powertrain.downshift", self.downshift, "rad/s", at_most=self.upshift)
-        require("powertrain.hold_time", self.hold_time, "s", at_least=self.shift_time)
+        require("powertrain.hold_time", self.hold_time, "s", at_least=self.shift_time, at_most=600.0)
         plain_numbers(self)
+
+    def check(self, mass: float) -> None:
+        """Raise ValueError where gears and brake ask for more than any car of ``mass`` (kg) can do."""
+        pull = self.peak_torque * max(self.gears) * self.final_drive / (self.wheel_radius * mass)
+        if pull > LARGEST_PULL:
+            raise ValueError(
+                f"powertrain.peak_torque={self.peak_torque!r} is not allowed: in the first gear that is {pull:.3g} "
+                f"m/s² for a car of {mass:g} kg; it must be <= {self.peak_torque * LARGEST_PULL / pull:.3g} N m"
+            )
 
     def numbers(self, step: float) -> np.ndarray:
         """What the kernel needs, for an integration step in s, (`layout.DRIVE_SIZE`,)."""

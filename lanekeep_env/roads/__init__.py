@@ -12,6 +12,7 @@ from lanekeep_env.roads.generators import (
 )
 from lanekeep_env.roads.manoeuvres import EvasiveRoads, ParkingPaths
 from lanekeep_env.roads.road import Road
+from lanekeep_env.roads.sets import road_set
 from lanekeep_env.roads.specs import ROADS, RoadFile, RoadSpec, build_roads, road_from
 from lanekeep_env.roads.speed import ConstantSpeed, LimitedSpeed, SetSpeeds, SpeedSpec, set_speeds_from, speed_from
 from lanekeep_env.roads.yards import TurnOffRoads, YardRoads
@@ -39,6 +40,7 @@ __all__ = [
     "build_roads",
     "read_road",
     "road_from",
+    "road_set",
     "set_speeds_from",
     "speed_from",
 ]

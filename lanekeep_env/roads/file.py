@@ -7,11 +7,22 @@ from pathlib import Path
 
 import numpy as np
 
+from lanekeep_env.checks import shown
+from lanekeep_env.files import read_bounded
 from lanekeep_env.roads.fit import LARGEST_FIT_ERROR, fit_centre_line
 from lanekeep_env.roads.road import Floats, Road
 
 FEWEST_POINTS = 8
 WIDEST_SPACING = 200.0
+#: Most points (200 km of them 1 m apart), lines with comments, characters of a line, and bytes of a file.
+MOST_POINTS = 200_000
+MOST_LINES = 1_000_000
+LONGEST_LINE = 10_000
+LARGEST_FILE = 64 << 20
+#: Largest coordinate, m: more than any map projection has.
+FARTHEST = 1e8
+
+_LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"
 
 
 def read_road(path: str | Path, closed: bool | None = None) -> Road:
@@ -28,58 +39,50 @@ def read_road(path: str | Path, closed: bool | None = None) -> Road:
     Raises:
         ValueError: one line that names the file, the line, the fault and what is allowed.
     """
-    points = read_points(path)
+    return make_road(path, read_content(path), closed)
+
+
+def read_content(path: str | Path) -> bytes:
+    """Return a file's content; raises ValueError, one line, where it is missing, too large or no ordinary file."""
+    try:
+        return read_bounded(path, LARGEST_FILE)
+    except OSError as error:
+        raise ValueError(f"road file {str(path)!r} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise ValueError(f"road file {str(path)!r} cannot be read: {error}") from None
+
+
+def make_road(path: str | Path, content: bytes, closed: bool | None) -> Road:
+    """Make the road of a centre-line file's content; ``path`` names it (see `read_road`)."""
+    name = f"road file {str(path)!r}"
+    points = read_points(content, name)
     try:
         road = fit_centre_line(Path(path).stem, points, _is_closed(points) if closed is None else closed)
     except ValueError as error:
-        raise ValueError(f"road file {str(path)!r}: {error}") from None
-    if road.fit_error > LARGEST_FIT_ERROR:
+        raise ValueError(f"{name}: {error}") from None
+    if not road.fit_error <= LARGEST_FIT_ERROR:
         raise ValueError(
-            f"road file {str(path)!r}: the road misses a point by {road.fit_error:.2f} m, allowed are "
+            f"{name}: the road misses a point by {road.fit_error:.2f} m, allowed are "
             f"{LARGEST_FIT_ERROR} m; points this rough or far apart (median {_median_spacing(points):.1f} m) "
             f"do not define a road"
         )
     return road
 
 
-def read_points(path: str | Path) -> Floats:
-    """Return the points of a centre-line file, (n, 2), m."""
-    name = f"road file {str(path)!r}"
-    try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
-    except OSError as error:
-        raise ValueError(f"{name} cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ValueError(f"{name} is not a text file; expected lines 'x, y[, width right, width left]' in m") from None
-    rows: list[list[float]] = []
-    numbers: list[int] = []
-    names_allowed = True
-    for number, line in enumerate(lines, start=1):
-        text = line.strip()
-        if not text or text.startswith("#"):
-            continue
-        cells = [cell for cell in re.split(r"[,;\s]+", text) if cell]
-        try:
-            row = [float(cell) for cell in cells]
-        except ValueError:
-            if names_allowed and not rows and not any(_is_number(cell) for cell in cells):
-                names_allowed = False
-                continue
-            bad = next(cell for cell in cells if not _is_number(cell))
-            raise ValueError(f"{name}, line {number}: {bad!r} is not a number") from None
-        if len(row) not in (2, 4):
-            raise ValueError(f"{name}, line {number}: {len(row)} columns; allowed are 2 (x, y) or 4 (with widths)")
-        if not np.isfinite(row).all():
-            raise ValueError(f"{name}, line {number}: {text!r} holds a value that is not finite")
-        if len(row) == 4 and min(row[2:]) < 0.0:
-            raise ValueError(f"{name}, line {number}: a width of {min(row[2:])} m; allowed are widths >= 0 m")
-        rows.append(row)
-        numbers.append(number)
+def read_points(content: bytes, name: str) -> Floats:
+    """Return the points of a centre-line file, (n, 2), m; ``name`` is what errors call it."""
+    rows, numbers = _rows(content, name)
     if not rows:
         raise ValueError(f"{name} is empty; expected lines 'x, y[, width right, width left]' in m")
     if len(rows) < FEWEST_POINTS:
         raise ValueError(f"{name} has {len(rows)} points; at least {FEWEST_POINTS} are needed")
     points = np.array([row[:2] for row in rows], dtype=np.float64)
+    far = int(np.argmax(np.abs(points).max(axis=1)))
+    if np.abs(points[far]).max() > FARTHEST:
+        raise ValueError(
+            f"{name}, line {numbers[far]}: ({points[far, 0]:g}, {points[far, 1]:g}) m is too far from the origin; "
+            f"allowed are coordinates up to {FARTHEST:g} m (are they in m?)"
+        )
     spacing = np.hypot(*np.diff(points, axis=0).T)
     same = np.flatnonzero(spacing < 1e-6)
     if len(same):
@@ -96,9 +99,56 @@ def read_points(path: str | Path) -> Floats:
     return points
 
 
+def _rows(content: bytes, name: str) -> tuple[list[list[float]], list[int]]:
+    """Numbers of each line that holds some, and its number in the file."""
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError(f"{name} is not a text file; expected lines 'x, y[, width right, width left]' in m") from None
+    count = sum(map(text.count, _LINE_ENDS))
+    if count > MOST_LINES:
+        raise ValueError(f"{name} has {count} lines; allowed are {MOST_LINES}")
+    rows: list[list[float]] = []
+    numbers: list[int] = []
+    names_allowed = True
+    for number, line in enumerate(text.splitlines(), start=1):
+        if len(line) > LONGEST_LINE:
+            raise ValueError(f"{name}, line {number}: {len(line)} characters; allowed are {LONGEST_LINE}")
+        line = line.strip()
+        if not line or line.startswith("#"):
+            continue
+        cells = [cell for cell in re.split(r"[,;\s]+", line) if cell]
+        try:
+            row = [_number(cell) for cell in cells]
+        except ValueError:
+            if names_allowed and not rows and not any(_is_number(cell) for cell in cells):
+                names_allowed = False
+                continue
+            bad = next(cell for cell in cells if not _is_number(cell))
+            raise ValueError(f"{name}, line {number}: {shown(bad)} is not a number") from None
+        if len(row) not in (2, 4):
+            raise ValueError(f"{name}, line {number}: {len(row)} columns; allowed are 2 (x, y) or 4 (with widths)")
+        if not np.isfinite(row).all():
+            raise ValueError(f"{name}, line {number}: {shown(line)} holds a value that is not finite")
+        if len(row) == 4 and min(row[2:]) < 0.0:
+            raise ValueError(f"{name}, line {number}: a width of {min(row[2:])} m; allowed are widths >= 0 m")
+        if len(rows) == MOST_POINTS:
+            raise ValueError(f"{name}, line {number}: more than {MOST_POINTS} points; leave out some of them")
+        rows.append(row)
+        numbers.append(number)
+    return rows, numbers
+
+
+def _number(cell: str) -> float:
+    """A number in ASCII digits: `float` takes those of all scripts, and 1_000."""
+    if not cell.isascii() or "_" in cell:
+        raise ValueError
+    return float(cell)
+
+
 def _is_number(cell: str) -> bool:
     try:
-        float(cell)
+        _number(cell)
     except ValueError:
         return False
     return True

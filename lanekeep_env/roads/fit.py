@@ -22,6 +22,10 @@ SMOOTHING_ERROR = 0.04
 SEGMENT = 3.0
 #: Length of an open line's mirrored continuation at both ends, m.
 MARGIN = 60.0
+#: Most evenly spaced points, at most 1 m apart, that a line is smoothed at.
+MOST_SAMPLES = 1_000_000
+#: A segment that turns by more, rad, belongs to no road: the points do not follow one another.
+MOST_TURN_OF_FIT = 10.0
 
 
 def fit_centre_line(name: str, points: Floats, closed: bool) -> Road:
@@ -38,13 +42,25 @@ def fit_centre_line(name: str, points: Floats, closed: bool) -> Road:
     begin, end = station[first], station[first + len(points) - (not closed)]
     if end - begin < 10 * SEGMENT:
         raise ValueError(f"the line is {end - begin:.1f} m long; at least {10 * SEGMENT:.0f} m are needed")
-    curve = _smoothed(_resampled(line, station, closed), station[-1], closed, begin, end)
-    road = _cut(name, curve, closed)
-    if closed:
-        road = _close(road)
-    scale = road.length / (end - begin)
-    along = scale * (station[first : first + len(points)] - begin)
-    return replace(road, fit_error=float(_distances(road, points, along).max()), given=points)
+    # What overflows or divides by zero is told by the checks of the road.
+    with np.errstate(all="ignore"):
+        curve = _smoothed(_resampled(line, station, closed), station[-1], closed, begin, end)
+        road = _checked(_cut(name, curve, closed))
+        if closed:
+            road = _close(road)
+        scale = road.length / (end - begin)
+        along = scale * (station[first : first + len(points)] - begin)
+        return replace(road, fit_error=float(_distances(road, points, along).max()), given=points)
+
+
+def _checked(road: Road) -> Road:
+    turn = float((np.maximum(np.abs(road.curvature_start), np.abs(road.curvature_end)) * road.lengths).max())
+    if turn > MOST_TURN_OF_FIT:
+        raise ValueError(
+            f"the line turns by {turn:.3g} rad on {SEGMENT:g} m, allowed are {MOST_TURN_OF_FIT:g} rad; "
+            f"points in such an order do not define a road"
+        )
+    return road
 
 
 def _with_margins(points: Floats) -> Floats:
@@ -78,7 +94,13 @@ def _resampled(line: Floats, station: Floats, closed: bool) -> Floats:
     else:
         inner = (slope[:-1] * gap[1:] + slope[1:] * gap[:-1]) / (gap[1:] + gap[:-1])
         tangent = np.vstack([2 * slope[:1] - inner[:1], inner, 2 * slope[-1:] - inner[-1:]])
-    count = max(64, int(np.ceil(station[-1] / min(1.0, float(np.median(gap)) / 2))))
+    step = min(1.0, float(np.median(gap)) / 2)
+    if station[-1] > MOST_SAMPLES * step:
+        raise ValueError(
+            f"the line is {station[-1]:.6g} m long; allowed are {MOST_SAMPLES * step:.6g} m where points are "
+            f"{float(np.median(gap)):.3g} m apart (median)"
+        )
+    count = max(64, int(np.ceil(station[-1] / step)))
     at = np.linspace(0.0, station[-1], count + 1)[: count + (not closed)]
     k = np.clip(np.searchsorted(station, at, side="right") - 1, 0, len(gap) - 1)
     t, width = (at - station[k])[:, None] / gap[k], gap[k]
@@ -163,7 +185,9 @@ def _close(road: Road) -> Road:
         effect = road.lengths * np.stack([np.ones(len(arm)), -arm[:, 1], arm[:, 0]])
         weighted = effect / road.lengths
         change = weighted.T @ np.linalg.solve(effect @ weighted.T, np.array([excess, *gap]))
-        road = replace(road, curvature_start=road.curvature_start + change, curvature_end=road.curvature_end + change)
+        road = _checked(
+            replace(road, curvature_start=road.curvature_start + change, curvature_end=road.curvature_end + change)
+        )
     raise ValueError(f"the loop does not close: {np.hypot(*gap):.2g} m and {excess:.2g} rad are left")
 
 

@@ -11,6 +11,20 @@ import numpy as np
 from lanekeep_env.checks import plain_numbers, require
 from lanekeep_env.roads.road import Floats, Road, fitted
 
+#: All roads of a set together, m, so that building them takes seconds and their table some 100 MB at the most.
+LARGEST_TOTAL = 1e8
+#: Waves of a road.
+MOST_WAVES = 10_000
+
+
+def check_total(count: int, length: float) -> None:
+    """Raise ValueError for a set that is too large to be built."""
+    if count * length > LARGEST_TOTAL:
+        raise ValueError(
+            f"road.count={count} is not allowed: with {length:g} m each the roads are {count * length:.2g} m long; "
+            f"it must be <= {int(LARGEST_TOTAL / length)} roads"
+        )
+
 
 class RoadRecord:
     """What all road records share: a kind, JSON-able fields and a fingerprint."""
@@ -45,7 +59,7 @@ class StraightRoad(RoadRecord):
     length: float = 10_000.0
 
     def __post_init__(self) -> None:
-        require("road.length", self.length, "m", above=0.0)
+        require("road.length", self.length, "m", at_least=1e-3, at_most=LARGEST_TOTAL)
         super().__post_init__()
 
     def build(self) -> tuple[Road, ...]:
@@ -112,9 +126,9 @@ class SineRoad(RoadRecord):
 
 
 def _check_wave(road: SlalomRoad | SineRoad) -> None:
-    require("road.peak_curvature", road.peak_curvature, "1/m", above=0.0)
-    require("road.wavelength", road.wavelength, "m", above=0.0)
-    require("road.length", road.length, "m", at_least=road.wavelength)
+    require("road.peak_curvature", road.peak_curvature, "1/m", at_least=1e-9, at_most=100.0)
+    require("road.wavelength", road.wavelength, "m", at_least=1e-2, at_most=1e6)
+    require("road.length", road.length, "m", at_least=road.wavelength, at_most=min(1e6, MOST_WAVES * road.wavelength))
 
 
 def _half_waves(name: str, lengths: Floats, peaks: Floats) -> Road:
@@ -187,6 +201,7 @@ class RandomRoads(RoadRecord):
     def __post_init__(self) -> None:
         require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
         require("road.length", self.length, "m", at_least=500.0, at_most=1e6)
+        check_total(self.count, self.length)
         require("road.design_speed", self.design_speed, "m/s", above=0.0, at_most=100.0)
         require("road.peak_curvature", self.peak_curvature, "1/m", at_least=self.gentlest_curvature, at_most=0.1)
         require("road.seed", self.seed, "", at_least=0, whole=True)
@@ -245,8 +260,9 @@ class RoadWorksRoads(RoadRecord):
     def __post_init__(self) -> None:
         require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
         require("road.length", self.length, "m", at_least=500.0, at_most=1e6)
+        check_total(self.count, self.length)
         require("road.shift", self.shift, "m", above=0.0, at_most=20.0)
-        require("road.shift_length", self.shift_length, "m", above=0.0)
+        require("road.shift_length", self.shift_length, "m", above=0.0, at_most=1e5)
         require("road.seed", self.seed, "", at_least=0, whole=True)
         peak = 8 * self.shift / self.shift_length**2
         if peak > 0.05:

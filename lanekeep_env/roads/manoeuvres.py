@@ -36,9 +36,9 @@ class EvasiveRoads(RoadRecord):
 
     def __post_init__(self) -> None:
         require("road.shift", self.shift, "m", above=0.0, at_most=20.0)
-        require("road.shift_length", self.shift_length, "m", at_least=2.0 * self.shift)
+        require("road.shift_length", self.shift_length, "m", at_least=2.0 * self.shift, at_most=1e5)
         choose("road.side", self.side, ("left", "right", "both"))
-        require("road.before", self.before, "m", above=0.0)
+        require("road.before", self.before, "m", at_least=1e-2, at_most=1e5)
         super().__post_init__()
 
     def build(self) -> tuple[Road, ...]:
@@ -91,9 +91,9 @@ class ParkingPaths(RoadRecord):
 
     def __post_init__(self) -> None:
         require("road.count", self.count, "paths", at_least=1, at_most=100_000, whole=True)
-        require("road.smallest_radius", self.smallest_radius, "m", above=0.0)
-        require("road.largest_radius", self.largest_radius, "m", at_least=self.smallest_radius)
-        require("road.transition", self.transition, "m", above=0.0)
+        require("road.smallest_radius", self.smallest_radius, "m", at_least=1e-2)
+        require("road.largest_radius", self.largest_radius, "m", at_least=self.smallest_radius, at_most=1e6)
+        require("road.transition", self.transition, "m", at_least=1e-2, at_most=1e5)
         require("road.seed", self.seed, "", at_least=0, whole=True)
         super().__post_init__()
 

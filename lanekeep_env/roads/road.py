@@ -8,7 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lanekeep_env.checks import shown
+
 Floats = NDArray[np.float64]
+
+#: Most that a segment may turn, rad (159 full circles), and most segments of a road.
+MOST_TURN = 1000.0
+MOST_SEGMENTS = 1_000_000
 
 # Ten-point Gauss-Legendre integrates the position over a turn of up to 1 rad to rounding.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
@@ -29,6 +35,9 @@ class Road:
         marked: whether a camera can see the edges of each segment, (n,), or None where it can everywhere.
 
     Beyond the end of an open road its last curvature goes on; a closed road repeats.
+
+    Raises:
+        ValueError: no segments or too many, numbers that are not finite, or a segment that turns absurdly.
     """
 
     name: str
@@ -46,12 +55,21 @@ class Road:
             values = np.array(getattr(self, key), dtype=np.float64)
             values.flags.writeable = False
             object.__setattr__(self, key, values)
-        if not (self.lengths.shape == self.curvature_start.shape == self.curvature_end.shape) or len(self.lengths) == 0:
-            raise ValueError(f"road {self.name!r} needs equally many lengths and curvatures, at least one")
+        name, count = f"road {shown(self.name)}", self.lengths.size
+        if not (self.lengths.shape == self.curvature_start.shape == self.curvature_end.shape == (count,)) or not count:
+            raise ValueError(f"{name} needs equally many lengths and curvatures, at least one")
+        _check_count(name, count)
         if not (np.isfinite(self.lengths).all() and (self.lengths > 0).all()):
-            raise ValueError(f"road {self.name!r} has a segment length that is not a finite number > 0 m")
-        if not np.isfinite(self.curvature_start + self.curvature_end).all():
-            raise ValueError(f"road {self.name!r} has a curvature that is not a finite number")
+            raise ValueError(f"{name} has a segment length that is not a finite number > 0 m")
+        peaks = np.maximum(np.abs(self.curvature_start), np.abs(self.curvature_end))
+        if not np.isfinite(peaks).all():
+            raise ValueError(f"{name} has a curvature that is not a finite number")
+        worst = int(np.argmax(peaks * self.lengths))
+        if peaks[worst] * self.lengths[worst] > MOST_TURN:
+            raise ValueError(
+                f"{name}, segment {worst}: a curvature of {peaks[worst]:.3g} 1/m on a length of "
+                f"{self.lengths[worst]:.3g} m turns by more than {MOST_TURN:g} rad"
+            )
 
     @cached_property
     def stations(self) -> Floats:
@@ -126,7 +144,12 @@ class Road:
 
     def refined(self, max_length: ArrayLike) -> Road:
         """Return the same curve with no segment longer than ``max_length`` (m; one number or one a segment)."""
-        pieces = np.maximum(1, np.ceil(self.lengths / np.asarray(max_length) - 1e-9)).astype(np.intp)
+        longest = np.asarray(max_length)
+        if not (longest > 0.0).all():
+            raise ValueError(f"road {shown(self.name)}: max_length={shown(max_length)} must be > 0 m")
+        pieces = np.maximum(1, np.ceil(self.lengths / longest - 1e-9))
+        _check_count(f"road {shown(self.name)}", pieces.sum())
+        pieces = pieces.astype(np.intp)
         owner = np.repeat(np.arange(len(pieces)), pieces)
         part = np.arange(len(owner)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
         rise = (self.curvature_end - self.curvature_start)[owner] / pieces[owner]
@@ -143,8 +166,12 @@ class Road:
     def without_marking(self, stretches: ArrayLike) -> Road:
         """Return the same curve with no visible edge on ``stretches``, from and to in m of arc length, (k, 2)."""
         stretches = np.asarray(stretches, dtype=np.float64).reshape(-1, 2).clip(0.0, self.length)
+        if np.isnan(stretches).any():
+            raise ValueError(f"road {shown(self.name)}: a stretch without marking holds a value that is not a number")
         # A border of the road stays where it is: what comes within a micrometre of it is moved there.
-        nearest = self.stations[np.abs(stretches[..., None] - self.stations).argmin(axis=-1)]
+        after = np.searchsorted(self.stations, stretches).clip(1, len(self.stations) - 1)
+        low, high = self.stations[after - 1], self.stations[after]
+        nearest = np.where(stretches - low <= high - stretches, low, high)
         stretches = np.where(np.abs(stretches - nearest) < 1e-6, nearest, stretches)
         cuts = np.unique(np.concatenate([self.stations, stretches.ravel()]))
         cuts = cuts[np.concatenate([[True], np.diff(cuts) > 1e-6])]
@@ -153,7 +180,10 @@ class Road:
         owner = np.searchsorted(self.stations, middle, side="right") - 1
         start, slope = self.curvature_start[owner], self._extended[1][owner]
         first, last = cuts[:-1] - self.stations[owner], cuts[1:] - self.stations[owner]
-        hidden = ((middle[:, None] > stretches[:, 0]) & (middle[:, None] < stretches[:, 1])).any(axis=1)
+        # Hidden: of the stretches that begin before it, one ends behind it.
+        begins, ends = stretches[np.argsort(stretches[:, 0])].T
+        begun = np.searchsorted(begins, middle)
+        hidden = np.concatenate([[-np.inf], np.maximum.accumulate(ends)])[begun] > middle
         seen = np.ones(len(owner), dtype=np.bool_) if self.marked is None else self.marked[owner]
         return replace(
             self,
@@ -175,10 +205,18 @@ class Road:
             )
 
 
+def _check_count(name: str, count: float) -> None:
+    if not count <= MOST_SEGMENTS:
+        raise ValueError(f"{name} has {count:.7g} segments; allowed are {MOST_SEGMENTS}")
+
+
 def _chords(heading: Floats, curvature: Floats, slope: Floats, length: Floats) -> Floats:
     """Displacement over clothoid pieces of given start heading, curvature, its slope and length: (..., 2), m."""
     turn = (np.abs(curvature) + np.abs(slope * length)) * np.abs(length)
-    pieces = max(1, int(np.ceil(turn.max(initial=0.0))))
+    most = turn.max(initial=0.0)
+    if not most <= 100.0 * MOST_TURN:
+        raise ValueError(f"a position on a curve that turns by {most:.3g} rad cannot be found; go less far")
+    pieces = max(1, int(np.ceil(most)))
     step = np.asarray(length / pieces)[..., None]
     total = np.zeros((*np.shape(length), 2))
     for piece in range(pieces):

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from lanekeep_env.checks import from_mapping, nearest
-from lanekeep_env.roads.file import read_road
+from lanekeep_env.checks import from_mapping, nearest, shown
+from lanekeep_env.roads.file import make_road, read_content
 from lanekeep_env.roads.generators import (
     CircleRoad,
     RandomRoads,
@@ -44,14 +44,9 @@ class RoadFile(RoadRecord):
 
     def __post_init__(self) -> None:
         if not isinstance(self.path, str) or not (self.closed is None or isinstance(self.closed, bool)):
-            raise ValueError(f"road file: path={self.path!r} must be a path and closed={self.closed!r} a bool or None")
-        object.__setattr__(self, "_digest", self._read())
-
-    def _read(self) -> str:
-        try:
-            return hashlib.sha256(Path(self.path).read_bytes()).hexdigest()
-        except OSError as error:
-            raise ValueError(f"road file {self.path!r} cannot be read: {error.strerror}") from None
+            given = f"path={shown(self.path)}, closed={shown(self.closed)}"
+            raise ValueError(f"road file: {given} are not allowed: they must be a path and a bool or None")
+        object.__setattr__(self, "_digest", _digest(read_content(self.path)))
 
     def to_dict(self) -> dict[str, Any]:
         """Return kind and fields as JSON-able values."""
@@ -63,9 +58,14 @@ class RoadFile(RoadRecord):
 
     def build(self) -> tuple[Road, ...]:
         """One road, fitted to the file's points."""
-        if self._read() != self._digest:
+        content = read_content(self.path)
+        if _digest(content) != self._digest:
             raise ValueError(f"road file {self.path!r} has changed since this scenario was made; make it anew")
-        return (read_road(self.path, self.closed),)
+        return (make_road(self.path, content, self.closed),)
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 RoadSpec = RoadRecord
@@ -100,15 +100,15 @@ def road_from(value: str | Mapping[str, Any] | RoadRecord | Path) -> RoadRecord:
     if isinstance(value, str):
         value = {"kind": value}
     if not isinstance(value, Mapping):
-        raise ValueError(f"road={value!r} must be a name, a mapping with 'kind', or the path of a CSV file")
+        raise ValueError(f"road={shown(value)} must be a name, a mapping with 'kind', or the path of a CSV file")
     settings = dict(value)
     kind = settings.pop("kind", None)
     if not isinstance(kind, str) or kind not in ROADS:
         if kind is None:
-            raise ValueError(f"road={value!r} lacks 'kind'; allowed: {', '.join(ROADS)}")
+            raise ValueError(f"road={shown(value)} lacks 'kind'; allowed: {', '.join(ROADS)}")
         generators = [name for name in ROADS if name != "file"]
         raise ValueError(
-            f"road={kind!r} is unknown{nearest(str(kind), generators)}; "
+            f"road={shown(kind)} is unknown{nearest(kind, generators)}; "
             f"allowed: {', '.join(generators)}, or the path of a CSV file"
         )
     if kind == "file" and "path" not in settings:

@@ -31,6 +31,16 @@ class ConstantSpeed:
         """Return the fields as JSON-able values."""
         return asdict(self)
 
+    @property
+    def largest(self) -> float:
+        """Largest speed, m/s."""
+        return self.speed
+
+    @property
+    def lateral_limit(self) -> float:
+        """Largest lateral acceleration, m/s², 0 for none."""
+        return 0.0
+
     def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
         """Return the road and the speed at its segment borders, m/s, (n + 1,)."""
         road = road.refined(100.0)  # so that positions stay exact in float32, and starts have places to be at
@@ -56,16 +66,26 @@ class LimitedSpeed:
     deceleration: float = 3.0
 
     def __post_init__(self) -> None:
-        require("speed.lateral_acceleration", self.lateral_acceleration, "m/s²", above=0.0)
+        require("speed.lateral_acceleration", self.lateral_acceleration, "m/s²", at_least=1e-3, at_most=1000.0)
         require("speed.maximum", self.maximum, "m/s", above=0.0, at_most=100.0)
         require("speed.minimum", self.minimum, "m/s", above=0.0, at_most=self.maximum, optional=True)
-        require("speed.acceleration", self.acceleration, "m/s²", above=0.0)
-        require("speed.deceleration", self.deceleration, "m/s²", above=0.0)
+        require("speed.acceleration", self.acceleration, "m/s²", at_least=1e-3, at_most=100.0)
+        require("speed.deceleration", self.deceleration, "m/s²", at_least=1e-3, at_most=100.0)
         plain_numbers(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as JSON-able values."""
         return asdict(self)
+
+    @property
+    def largest(self) -> float:
+        """Largest speed, m/s."""
+        return self.maximum
+
+    @property
+    def lateral_limit(self) -> float:
+        """Largest lateral acceleration, m/s², 0 for none."""
+        return self.lateral_acceleration
 
     def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
         """Return the road, cut finely enough, and the speed at its segment borders, m/s, (n + 1,).
@@ -117,15 +137,32 @@ class SetSpeeds:
     def __post_init__(self) -> None:
         require("speed.maximum", self.maximum, "m/s", at_least=0.0, at_most=100.0)
         require("speed.minimum", self.minimum, "m/s", at_least=0.0, at_most=self.maximum)
-        require("speed.hold", self.hold, "s", above=0.0, optional=True)
+        require("speed.hold", self.hold, "s", above=0.0, at_most=1e6, optional=True)
         require("speed.standstill", self.standstill, "(a share)", at_least=0.0, at_most=1.0)
-        require("speed.acceleration", self.acceleration, "m/s²", above=0.0)
-        require("speed.lateral_acceleration", self.lateral_acceleration, "m/s²", above=0.0, optional=True)
+        require("speed.acceleration", self.acceleration, "m/s²", at_least=1e-3, at_most=100.0)
+        require(
+            "speed.lateral_acceleration",
+            self.lateral_acceleration,
+            "m/s²",
+            at_least=1e-3,
+            at_most=1000.0,
+            optional=True,
+        )
         plain_numbers(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as JSON-able values."""
         return asdict(self)
+
+    @property
+    def largest(self) -> float:
+        """Largest speed, m/s."""
+        return self.maximum
+
+    @property
+    def lateral_limit(self) -> float:
+        """Largest lateral acceleration, m/s², 0 for none."""
+        return self.lateral_acceleration or 0.0
 
     def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
         """Return the road and the largest speed at its segment borders, m/s, (n + 1,)."""

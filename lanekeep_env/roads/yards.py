@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from lanekeep_env.checks import choose, require
-from lanekeep_env.roads.generators import RoadRecord
+from lanekeep_env.roads.generators import RoadRecord, check_total
 from lanekeep_env.roads.road import Road
 
 
@@ -41,10 +41,11 @@ class YardRoads(RoadRecord):
     def __post_init__(self) -> None:
         require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
         require("road.length", self.length, "m", at_least=50.0, at_most=1e6)
-        require("road.smallest_radius", self.smallest_radius, "m", above=0.0)
-        require("road.largest_radius", self.largest_radius, "m", at_least=self.smallest_radius)
-        require("road.gap_spacing", self.gap_spacing, "m", at_least=1.0, optional=True)
-        require("road.gap_length", self.gap_length, "m", above=0.0)
+        check_total(self.count, self.length)
+        require("road.smallest_radius", self.smallest_radius, "m", at_least=1e-2)
+        require("road.largest_radius", self.largest_radius, "m", at_least=self.smallest_radius, at_most=1e6)
+        require("road.gap_spacing", self.gap_spacing, "m", at_least=1.0, at_most=1e6, optional=True)
+        require("road.gap_length", self.gap_length, "m", at_least=1e-2, at_most=1e6)
         require("road.seed", self.seed, "", at_least=0, whole=True)
         super().__post_init__()
 
@@ -105,8 +106,8 @@ class TurnOffRoads(RoadRecord):
 
     def __post_init__(self) -> None:
         require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
-        require("road.smallest_radius", self.smallest_radius, "m", above=0.0)
-        require("road.largest_radius", self.largest_radius, "m", at_least=self.smallest_radius)
+        require("road.smallest_radius", self.smallest_radius, "m", at_least=1e-2)
+        require("road.largest_radius", self.largest_radius, "m", at_least=self.smallest_radius, at_most=1e6)
         choose("road.side", self.side, ("right", "left", "both"))
         require("road.lost", self.lost, "(of the turn's length)", at_least=0.0, at_most=10.0)
         require("road.seed", self.seed, "", at_least=0, whole=True)

@@ -13,9 +13,11 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from lanekeep_env.checks import choose, nearest, plain_numbers, require, shown
+from lanekeep_env.physics.integrate import LARGEST_SPEED
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
 from lanekeep_env.randomisation import Randomisation, randomisation_from
 from lanekeep_env.roads import LimitedSpeed, RandomRoads, RoadSpec, SpeedSpec, road_from
+from lanekeep_env.scenario.integration import Integration, rolling, slipping
 from lanekeep_env.sensing.faults import Sensors, sensors_to_dict
 
 #: Integration step of every vehicle model, s; control steps and delays are multiples of it.
@@ -65,8 +67,8 @@ class ScenarioRecord:
     sensors: Sensors = ()
     control_step: float = 0.05
 
-    #: Integration step of the vehicle, s; control steps and delays are multiples of it.
-    integration_step: ClassVar[float] = INTEGRATION_STEP
+    #: What control steps and delays are multiples of, s: the integration step of cars that need no shorter one.
+    base_step: ClassVar[float] = INTEGRATION_STEP
     #: Fields that may be given by name, number or mapping, and how they are read.
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {}
 
@@ -75,6 +77,12 @@ class ScenarioRecord:
             object.__setattr__(self, name, read(getattr(self, name)))
         self._check()
         plain_numbers(self)
+        _ = self.integration  # so that a car which cannot be integrated is found here
+
+    @cached_property
+    def integration(self) -> Integration:
+        """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
+        raise NotImplementedError
 
     def _check(self) -> None:
         raise NotImplementedError
@@ -131,8 +139,9 @@ class ScenarioRecord:
         return values
 
     def _fingerprint(self) -> dict[str, Any]:
-        """`to_dict` with what stands for the content of files."""
-        return self.to_dict()
+        """`to_dict` with what stands for the content of files, and an integration unlike other cars'."""
+        ordinary = self.integration == Integration(self.base_step)
+        return self.to_dict() if ordinary else {**self.to_dict(), "integration": asdict(self.integration)}
 
     @cached_property
     def hash(self) -> str:
@@ -195,20 +204,21 @@ class RoadScenario(ScenarioRecord):
 
     def _check(self) -> None:
         choose("action", self.action, ("steering_angle", "steering_rate"))
-        require("max_steering_angle", self.max_steering_angle, "rad", above=0.0, at_most=1.5)
-        require("max_steering_rate", self.max_steering_rate, "rad/s", above=0.0)
-        require("lane_width", self.lane_width, "m", above=0.0)
+        require("max_steering_angle", self.max_steering_angle, "rad", at_least=1e-4, at_most=1.5)
+        require("max_steering_rate", self.max_steering_rate, "rad/s", at_least=1e-4, at_most=1e3)
+        require("lane_width", self.lane_width, "m", at_least=1e-3, at_most=1e3)
         limit = self.departure_limit
         require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=limit)
         require("start_course_error", self.start_course_error, "rad", at_least=0.0, at_most=1.0)
         choose("departure", self.departure, ("terminate", "cost", "off"))
-        require("reference_lateral_error", self.reference_lateral_error, "m", above=0.0)
-        require("cost_weight", self.cost_weight, "", at_least=0.0)
-        require("reference_steering_rate", self.reference_steering_rate, "rad/s", above=0.0)
-        require("cost_cap", self.cost_cap, "1/s", above=0.0)
+        require("reference_lateral_error", self.reference_lateral_error, "m", at_least=1e-4, at_most=1e3)
+        require("cost_weight", self.cost_weight, "", at_least=0.0, at_most=1e6)
+        require("reference_steering_rate", self.reference_steering_rate, "rad/s", at_least=1e-4, at_most=1e3)
+        require("cost_cap", self.cost_cap, "1/s", at_least=1e-6, at_most=1e6)
         choose("observation", self.observation, ("measured", "full"))
-        require("control_step", self.control_step, "s", above=0.0, at_most=1.0)
+        require("control_step", self.control_step, "s", at_least=self.base_step, at_most=1.0)
         multiple_of_step("control_step", self.control_step)
+        check_speed(self.speed.largest, self.randomisation)
         require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=10_000_000, whole=True)
         for channel, sensor in self.sensors:
             sensor.check(channel, self.control_step)
@@ -230,6 +240,32 @@ class RoadScenario(ScenarioRecord):
         raise NotImplementedError
 
     @property
+    def slips(self) -> bool:
+        """Whether the car has tyres, or rolls where its wheels point."""
+        return False
+
+    @cached_property
+    def integration(self) -> Integration:
+        """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
+        if self.slips:
+            return slipping(self.vehicle, self.randomisation, self.base_step, self._slowest, self._fastest)
+        return rolling(self.vehicle, self.base_step, self._fastest, self.largest_angle)
+
+    def _slowest(self) -> float:
+        """Lowest speed that an episode can have, m/s; builds the roads."""
+        return 0.0
+
+    @property
+    def _fastest(self) -> float:
+        """Largest one."""
+        return self.speed.largest * self.randomisation.speed[1]
+
+    @property
+    def largest_angle(self) -> float:
+        """Largest angle of the road wheel that can be commanded, rad."""
+        return min(self.max_steering_angle, self.vehicle.steering.angle_limit or math.inf)
+
+    @property
     def num_actions(self) -> int:
         """Steering only."""
         return 1
@@ -240,7 +276,7 @@ class RoadScenario(ScenarioRecord):
         return self.vehicle.cg_to_front_axle, self.vehicle.cg_to_rear_axle
 
     def _fingerprint(self) -> dict[str, Any]:
-        return {**self.to_dict(), "road": self.road.fingerprint()}
+        return {**super()._fingerprint(), "road": self.road.fingerprint()}
 
 
 def steering_channels() -> list[Channel]:
@@ -250,6 +286,15 @@ def steering_channels() -> list[Channel]:
         Channel("steering_angle", "rad", -angle, angle, "road wheel, left positive"),
         Channel("steering_command", "rad", -angle, angle, "command that last entered the actuator"),
     ]
+
+
+def check_speed(largest: float, drawn: Randomisation) -> None:
+    """Raise ValueError where an episode's car would go faster than `LARGEST_SPEED`."""
+    if largest * drawn.speed[1] > LARGEST_SPEED:
+        raise ValueError(
+            f"randomisation.speed={drawn.speed!r} is not allowed: of {largest:g} m/s that is more than "
+            f"{LARGEST_SPEED:g} m/s; it must be <= {LARGEST_SPEED / largest:.3g}"
+        )
 
 
 def multiple_of_step(name: str, seconds: float, step: float = INTEGRATION_STEP) -> None:

@@ -94,7 +94,7 @@ class CameraLaneScenario(RoadScenario):
 
     def _check(self) -> None:
         require("plan", self.plan, "samples", at_least=0, at_most=1000, whole=True)
-        require("plan_spacing", self.plan_spacing, "m", above=0.0)
+        require("plan_spacing", self.plan_spacing, "m", at_least=1e-3, at_most=1e3)
         super()._check()
         hold = self.speed.hold
         steps = 1.0 if hold is None else hold / self.control_step

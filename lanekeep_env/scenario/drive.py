@@ -10,6 +10,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
+from lanekeep_env.physics.integrate import LARGEST_SPEED
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.physics.powertrain_parameters import Powertrain, powertrain_from
 from lanekeep_env.roads import RandomRoads, RoadSpec, SpeedSpec, speed_from
@@ -206,8 +207,9 @@ class DriveScenario(LaneKeepScenario):
     }
 
     def _check(self) -> None:
-        require("reference_speed_error", self.reference_speed_error, "m/s", above=0.0)
+        require("reference_speed_error", self.reference_speed_error, "m/s", at_least=1e-3, at_most=1e3)
         super()._check()
+        self.powertrain.check(self.vehicle.mass * self.randomisation.mass[0])
         if (self.dynamics, self.tyre) != ("dynamic", "magic_formula"):
             raise ValueError(
                 f"dynamics={self.dynamics!r} with tyre={self.tyre!r} is not allowed: the car with a powertrain is "
@@ -218,6 +220,14 @@ class DriveScenario(LaneKeepScenario):
     def model(self) -> int:
         """The kernel's number of the vehicle model."""
         return at.DRIVEN
+
+    def _slowest(self) -> float:
+        """It stops."""
+        return 0.0
+
+    @property
+    def _fastest(self) -> float:
+        return LARGEST_SPEED
 
     @property
     def num_actions(self) -> int:

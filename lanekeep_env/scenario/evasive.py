@@ -78,7 +78,7 @@ class ReversePathScenario(RoadScenario):
 
     def _check(self) -> None:
         require("preview", self.preview, "samples", at_least=0, at_most=1000, whole=True)
-        require("preview_interval", self.preview_interval, "s", above=0.0)
+        require("preview_interval", self.preview_interval, "s", at_least=1e-4, at_most=60.0)
         super()._check()
 
     @property

@@ -10,7 +10,9 @@ from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require
-from lanekeep_env.roads import LimitedSpeed, RoadSpec, RoadWorksRoads, SpeedSpec, speed_from
+from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.randomisation import FRICTION_SHARE
+from lanekeep_env.roads import LimitedSpeed, RoadSpec, RoadWorksRoads, SpeedSpec, road_set, speed_from
 from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering_channels
 from lanekeep_env.sensing.faults import MEASURED_CHANNELS, SENSOR_SETS, sensors_from
 
@@ -52,15 +54,29 @@ class LaneKeepScenario(RoadScenario):
     def _check(self) -> None:
         choose("dynamics", self.dynamics, ("dynamic", "kinematic"))
         choose("tyre", self.tyre, ("linear", "magic_formula"))
-        require("friction", self.friction, "", above=0.0, at_most=2.0)
+        require("friction", self.friction, "", at_least=1e-3, at_most=2.0)
         require("preview", self.preview, "samples", at_least=0, at_most=1000, whole=True)
-        require("preview_interval", self.preview_interval, "s", above=0.0)
+        require("preview_interval", self.preview_interval, "s", at_least=1e-4, at_most=60.0)
         super()._check()
 
     @property
     def model(self) -> int:
         """The kernel's number of the vehicle model."""
         return _MODELS[self.dynamics, self.tyre]
+
+    @property
+    def slips(self) -> bool:
+        """Whether the car has tyres."""
+        return self.dynamics == "dynamic"
+
+    def _slowest(self) -> float:
+        """Lowest speed of the profile on any of the roads, where it is slowed down the most, m/s."""
+        factor = self.randomisation.speed[0] ** 2
+        if self.model == at.MAGIC_FORMULA and self.speed.lateral_limit > 0.0:
+            grip = FRICTION_SHARE * GRAVITY * self.friction * self.randomisation.friction[0]
+            factor = min(factor, grip / self.speed.lateral_limit)
+        slowest = min(float(speeds.min()) for _, speeds in road_set(self.road, self.speed))
+        return slowest * math.sqrt(factor)
 
     @property
     def measured(self) -> tuple[Measured, ...]:

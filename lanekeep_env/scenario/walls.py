@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,7 +15,15 @@ from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, sh
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
 from lanekeep_env.randomisation import Randomisation, randomisation_from
 from lanekeep_env.roads.speed import SetSpeeds, set_speeds_from
-from lanekeep_env.scenario.base import Channel, Measured, ScenarioRecord, multiple_of_step, steering_channels
+from lanekeep_env.scenario.base import (
+    Channel,
+    Measured,
+    ScenarioRecord,
+    check_speed,
+    multiple_of_step,
+    steering_channels,
+)
+from lanekeep_env.scenario.integration import Integration, rolling, slipping
 from lanekeep_env.sensing.faults import WALL_CHANNELS, WALL_SENSOR_SETS, sensors_from
 from lanekeep_env.walls import Corridor, RandomCircuits, WorldRecord, world_from
 
@@ -45,7 +53,7 @@ class Servo:
     def __post_init__(self) -> None:
         for name in ("left", "right"):
             require(f"servo.{name}", getattr(self, name), "rad", above=0.0, at_most=1.5, optional=True)
-        require("servo.ticks", self.ticks, "", at_least=0, whole=True)
+        require("servo.ticks", self.ticks, "", at_least=0, at_most=1_000_000, whole=True)
         if self.angles is not None:
             if not isinstance(self.angles, tuple | list):
                 raise ValueError(
@@ -109,9 +117,9 @@ class Scan:
         require("scan.field_of_view", self.field_of_view, "rad", above=0.0, at_most=6.2)
         require("scan.nearest", self.nearest, "m", at_least=0.0)
         require("scan.farthest", self.farthest, "m", above=self.nearest, at_most=1000.0)
-        require("scan.noise", self.noise, "m", at_least=0.0)
-        require("scan.missing_every", self.missing_every, "beams", at_least=0, whole=True)
-        require("scan.missing_rim", self.missing_rim, "beams", at_least=0, whole=True)
+        require("scan.noise", self.noise, "m", at_least=0.0, at_most=1e3)
+        require("scan.missing_every", self.missing_every, "beams", at_least=0, at_most=1_000_000, whole=True)
+        require("scan.missing_rim", self.missing_rim, "beams", at_least=0, at_most=1_000_000, whole=True)
         require("scan.jump_errors", self.jump_errors, "(a share)", at_least=0.0, at_most=1.0)
         require("scan.period", self.period, "s", at_least=0.0, at_most=5.0)
         plain_numbers(self)
@@ -191,7 +199,7 @@ class WallFollowScenario(ScenarioRecord):
         episode_steps: control steps of an episode.
     """
 
-    integration_step: ClassVar[float] = 0.005
+    base_step: ClassVar[float] = 0.005
     view: ClassVar[float] = 8.0
     task: ClassVar[int] = at.WALL_FOLLOW
 
@@ -236,29 +244,30 @@ class WallFollowScenario(ScenarioRecord):
     def _check(self) -> None:
         choose("dynamics", self.dynamics, ("kinematic", "dynamic"))
         choose("action", self.action, ("steering_angle", "steering_rate"))
-        require("max_steering_angle", self.max_steering_angle, "rad", above=0.0, at_most=1.5)
-        require("max_steering_rate", self.max_steering_rate, "rad/s", above=0.0)
+        require("max_steering_angle", self.max_steering_angle, "rad", at_least=1e-4, at_most=1.5)
+        require("max_steering_rate", self.max_steering_rate, "rad/s", at_least=1e-4, at_most=1e3)
         self._check_angles()
         require("set_distance", self.set_distance, "m", above=0.0, at_most=ULTRASONIC[1])
-        require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0)
+        require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=1e3)
         require("start_heading_error", self.start_heading_error, "rad", at_least=0.0, at_most=math.pi)
         choose("contact", self.contact, ("terminate", "cost", "off"))
-        require("reference_lateral_error", self.reference_lateral_error, "m", above=0.0)
-        require("cost_weight", self.cost_weight, "", at_least=0.0)
-        require("reference_steering_rate", self.reference_steering_rate, "rad/s", above=0.0)
-        require("cost_cap", self.cost_cap, "1/s", above=0.0)
-        require("encoder_ticks", self.encoder_ticks, "ticks a turn", at_least=0, whole=True)
+        require("reference_lateral_error", self.reference_lateral_error, "m", at_least=1e-4, at_most=1e3)
+        require("cost_weight", self.cost_weight, "", at_least=0.0, at_most=1e6)
+        require("reference_steering_rate", self.reference_steering_rate, "rad/s", at_least=1e-4, at_most=1e3)
+        require("cost_cap", self.cost_cap, "1/s", at_least=1e-6, at_most=1e6)
+        require("encoder_ticks", self.encoder_ticks, "ticks a turn", at_least=0, at_most=1_000_000, whole=True)
         if not isinstance(self.encoder_direction, bool):
             raise ValueError(
                 f"encoder_direction={shown(self.encoder_direction)} is not allowed: it must be True or False"
             )
         choose("observation", self.observation, ("measured", "full"))
-        require("control_step", self.control_step, "s", above=0.0, at_most=1.0)
-        multiple_of_step("control_step", self.control_step, self.integration_step)
+        require("control_step", self.control_step, "s", at_least=self.base_step, at_most=1.0)
+        multiple_of_step("control_step", self.control_step, self.base_step)
+        check_speed(self.speed.largest, self.randomisation)
         require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=10_000_000, whole=True)
         for channel, sensor in self.sensors:
             sensor.check(channel, self.control_step)
-        multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay, self.integration_step)
+        multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay, self.base_step)
         multiple_of_step("scan.period", self.scan.period, self.control_step)
         self._check_turn(self.largest_speed or self.speed.maximum)
 
@@ -267,11 +276,24 @@ class WallFollowScenario(ScenarioRecord):
         """What a second costs at most, 1/s."""
         return self.cost_cap
 
-    def _check_angles(self) -> None:
-        """Command, servo and offset together must leave the wheel short of standing across."""
+    @cached_property
+    def integration(self) -> Integration:
+        """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
+        fastest = self.largest_speed or self.speed.largest * self.randomisation.speed[1]
+        if self.dynamics == "dynamic":  # which a wall may stop
+            return slipping(self.vehicle, self.randomisation, self.base_step, lambda: 0.0, fastest)
+        return rolling(self.vehicle, self.base_step, fastest, self._wheel_angle + max(map(abs, self.steering_offset)))
+
+    @property
+    def _wheel_angle(self) -> float:
+        """Largest angle that command and servo give the road wheel, rad."""
         most = min(self.max_steering_angle, self.vehicle.steering.angle_limit or math.inf)
         servo = self.servo.table(most)
-        largest = most if servo is None else float(np.abs(servo[1:]).max())
+        return most if servo is None else float(np.abs(servo[1:]).max())
+
+    def _check_angles(self) -> None:
+        """Command, servo and offset together must leave the wheel short of standing across."""
+        largest = self._wheel_angle
         offset = max(map(abs, self.steering_offset))
         if largest + offset > LARGEST_ANGLE:
             raise ValueError(
@@ -358,7 +380,7 @@ class WallFollowScenario(ScenarioRecord):
         return []
 
     def _fingerprint(self) -> dict[str, Any]:
-        return {**self.to_dict(), "world": self.world.fingerprint()}
+        return {**super()._fingerprint(), "world": self.world.fingerprint()}
 
 
 _ULTRASONICS = (("right", at.RIGHT), ("left", at.LEFT), ("front", at.FRONT))
@@ -393,8 +415,8 @@ class CircuitScenario(WallFollowScenario):
 
     def _check(self) -> None:
         require("max_speed", self.max_speed, "m/s", above=0.0, at_most=20.0)
-        require("max_acceleration", self.max_acceleration, "m/s²", above=0.0)
-        require("laps", self.laps, "", at_least=1, whole=True)
+        require("max_acceleration", self.max_acceleration, "m/s²", at_least=1e-3, at_most=1e3)
+        require("laps", self.laps, "", at_least=1, at_most=1_000_000, whole=True)
         super()._check()
 
     @property

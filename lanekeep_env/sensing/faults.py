@@ -49,7 +49,9 @@ class Sensor:
         """Raise ValueError for a number that is not allowed at this control step (s)."""
         name = f"sensors.{channel}"
         for field in ("noise", "bias", "resolution", "jump", "jump_rate"):
-            require(f"{name}.{field}", getattr(self, field), "", at_least=0.0)
+            require(f"{name}.{field}", getattr(self, field), "", at_least=0.0, at_most=1e6)
+        if 0.0 < self.resolution < 1e-9:
+            raise ValueError(f"{name}.resolution={self.resolution!r} is not allowed: it must be 0 for none, or >= 1e-9")
         require(f"{name}.dropout", self.dropout, "", at_least=0.0, at_most=1.0)
         for field in ("period", "delay"):
             seconds = getattr(self, field)

@@ -27,7 +27,7 @@ def judge(d, steering_rate, steps_left, seconds, half_lane, reference_d, weight,
     """
     zero, one = like(d, 0.0), like(d, 1.0)
     cost = running_cost(d, steering_rate, reference_d, weight, reference_rate, cap)
-    outside = one if abs(d) > half_lane else zero
+    outside = zero if abs(d) <= half_lane else one  # so that NaN is outside
     outside = zero if ignores else outside
     terminated = outside if ends else zero
     charged = cap * (one + (steps_left if steps_left > zero else zero)) if ends else cap

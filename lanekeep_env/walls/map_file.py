@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_env.checks import require
-from lanekeep_env.walls.image import read_grey
+from lanekeep_env.checks import require, shown
+from lanekeep_env.files import read_bounded
+from lanekeep_env.walls.image import LARGEST_PICTURE, read_grey
+from lanekeep_env.walls.map_yaml import MapSettings, parse_settings
+from lanekeep_env.walls.region import Cells, borders, reached_from
 from lanekeep_env.walls.world import START_CLEARANCE, Floats, World
 
-Cells = NDArray[np.bool_]
-
-_FIELDS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 _LARGEST_YAML = 100_000
-
-
-@dataclass(frozen=True)
-class MapSettings:
-    """What a map's YAML file says: picture, cell size (m), pose of the lower left corner (m, m, rad), thresholds."""
-
-    image: Path
-    resolution: float
-    origin: tuple[float, float, float]
-    negate: bool
-    occupied_thresh: float
-    free_thresh: float
 
 
 def read_map(
@@ -53,144 +40,100 @@ def read_map(
     Raises:
         ValueError: one line that names the file and the fault.
     """
-    name = f"map {str(path)!r}"
-    settings = read_settings(path)
-    grey = read_grey(settings.image, f"{name}: image {str(settings.image)!r}")
-    occupancy = grey[::-1] if settings.negate else 1.0 - grey[::-1]
-    blocked = occupancy >= settings.free_thresh if unknown_is_wall else occupancy > settings.occupied_thresh
-    reached = _reached(blocked, _cell(start, settings, blocked.shape, name), name)
-    segments = _to_world(borders(reached), settings)
-    world = World(Path(path).stem, segments, np.zeros(len(segments), np.bool_), np.array([start], dtype=np.float64))
-    try:
-        return world.check(clearance)
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from None
+    return MapContent.read(path).world(start, unknown_is_wall, clearance)
 
 
-def read_settings(path: str | Path) -> MapSettings:
-    """Read and check the YAML file of a map; nothing in it is executed."""
-    name = f"map {str(path)!r}"
+@dataclass(frozen=True)
+class MapContent:
+    """What the two files of a map held at one moment.
+
+    Attributes:
+        path: of the YAML file.
+        settings: that it says.
+        picture: content of the picture's file.
+        digest: hash of both files.
+    """
+
+    path: Path
+    settings: MapSettings
+    picture: bytes
+    digest: str
+
+    @classmethod
+    def read(cls, path: str | Path) -> MapContent:
+        """Read both files; raises ValueError, one line that names the file and the fault."""
+        name = f"map {str(path)!r}"
+        data = _content(path, _LARGEST_YAML, name)
+        try:
+            settings = parse_settings(data, Path(path).parent)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None
+        picture = _content(settings.image, LARGEST_PICTURE, f"{name}: {_image(settings)}")
+        digest = hashlib.sha256(hashlib.sha256(data).digest() + hashlib.sha256(picture).digest()).hexdigest()
+        return cls(Path(path), settings, picture, digest)
+
+    def world(self, start: tuple[float, float, float], unknown_is_wall: bool, clearance: float) -> World:
+        """Return the world that `read_map` describes."""
+        name, settings = f"map {str(self.path)!r}", self.settings
+        grey = read_grey(self.picture, f"{name}: {_image(settings)}")
+        occupancy = grey.brightness if settings.negate else 1.0 - grey.brightness
+        solid = occupancy >= settings.free_thresh if unknown_is_wall else occupancy > settings.occupied_thresh
+        # The brighter the less (or, negated, the more) occupied: the solid levels are the first or the last.
+        count, levels = np.count_nonzero(solid), grey.levels[::-1]
+        free = levels < len(solid) - count if settings.negate else levels >= count
+        try:
+            reached = _reached(free, _cell(start, settings, free.shape))
+            segments = _to_world(borders(reached), settings)
+            glass = np.zeros(len(segments), np.bool_)
+            return World(self.path.stem, segments, glass, np.array([start], dtype=np.float64)).check(clearance)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None
+
+
+def _content(path: str | Path, largest: int, name: str) -> bytes:
     try:
-        import yaml
-    except ImportError:
-        raise ValueError(f"{name}: maps need PyYAML: pip install 'lanekeep[maps]'") from None
-    try:
-        data = Path(path).read_bytes()
-        if len(data) > _LARGEST_YAML:
-            raise ValueError(f"{name} has {len(data)} bytes; allowed are {_LARGEST_YAML}: is it the map's YAML file?")
-        content = yaml.safe_load(data.decode("utf-8"))
+        return read_bounded(path, largest)
     except OSError as error:
         raise ValueError(f"{name} cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ValueError(f"{name} is not a text file; expected YAML with {', '.join(_FIELDS)}") from None
-    except (yaml.YAMLError, RecursionError) as error:
-        raise ValueError(f"{name} is not YAML: {' '.join(str(error).split())}") from None
-    if not isinstance(content, Mapping):
-        raise ValueError(f"{name} holds no fields; expected {', '.join(_FIELDS)}")
-    missing = [field for field in _FIELDS if field not in content]
-    if missing:
-        raise ValueError(f"{name} lacks {', '.join(missing)}; expected {', '.join(_FIELDS)}")
-    try:
-        return _settings(content, Path(path).parent)
     except ValueError as error:
-        raise ValueError(f"{name}: {error}") from None
+        raise ValueError(f"{name} cannot be read: {error}") from None
 
 
-def _settings(content: Mapping[str, Any], folder: Path) -> MapSettings:
-    image, origin = content["image"], content["origin"]
-    if not isinstance(image, str) or not image or "\0" in image:
-        raise ValueError(f"image={image!r} must be the path of a PGM or PNG picture")
-    require("resolution", content["resolution"], "m a cell", above=0.0, at_most=100.0)
-    if not isinstance(origin, list) or len(origin) != 3:
-        raise ValueError(f"origin={origin!r} is not allowed: it must be [x in m, y in m, yaw in rad]")
-    for axis, value in zip(("x", "y", "yaw"), origin, strict=True):
-        require(f"origin {axis}", value, "rad" if axis == "yaw" else "m", at_least=-1e6, at_most=1e6)
-    if content["negate"] not in (0, 1):
-        raise ValueError(f"negate={content['negate']!r} is not allowed: it must be 0 or 1")
-    require("free_thresh", content["free_thresh"], "", at_least=0.0, at_most=1.0)
-    require("occupied_thresh", content["occupied_thresh"], "", at_least=0.0, at_most=1.0)
-    if not content["free_thresh"] < content["occupied_thresh"]:
-        raise ValueError(
-            f"free_thresh={content['free_thresh']} must be below occupied_thresh={content['occupied_thresh']}"
-        )
-    if content.get("mode", "trinary") != "trinary":
-        raise ValueError(f"mode={content['mode']!r} is not supported; allowed: trinary")
-    return MapSettings(
-        folder / image,
-        float(content["resolution"]),
-        (float(origin[0]), float(origin[1]), float(origin[2])),
-        bool(content["negate"]),
-        float(content["occupied_thresh"]),
-        float(content["free_thresh"]),
-    )
+def _image(settings: MapSettings) -> str:
+    path = str(settings.image)
+    return f"image {path!r}" if path.isprintable() and len(path) < 500 else f"image {shown(path)}"
 
 
-def _cell(
-    start: tuple[float, float, float], settings: MapSettings, shape: tuple[int, ...], name: str
-) -> tuple[int, int]:
+def _cell(start: tuple[float, float, float], settings: MapSettings, shape: tuple[int, ...]) -> tuple[int, int]:
     """Row (from below) and column of the cell that holds the start."""
     for axis, value in zip(("x", "y", "heading"), start, strict=True):
-        require(f"{name}: start {axis}", value, "rad" if axis == "heading" else "m")
+        require(f"start {axis}", value, "rad" if axis == "heading" else "m")
     x, y, yaw = settings.origin
     dx, dy = start[0] - x, start[1] - y
-    column = math.floor((math.cos(yaw) * dx + math.sin(yaw) * dy) / settings.resolution)
-    row = math.floor((math.cos(yaw) * dy - math.sin(yaw) * dx) / settings.resolution)
-    if not (0 <= row < shape[0] and 0 <= column < shape[1]):
+    column = (math.cos(yaw) * dx + math.sin(yaw) * dy) / settings.resolution
+    row = (math.cos(yaw) * dy - math.sin(yaw) * dx) / settings.resolution
+    if not (0.0 <= row < shape[0] and 0.0 <= column < shape[1]):
         raise ValueError(
-            f"{name}: the start ({start[0]:g}, {start[1]:g}) m is outside the map of {shape[1]} x {shape[0]} cells "
+            f"the start ({start[0]:g}, {start[1]:g}) m is outside the map of {shape[1]} x {shape[0]} cells "
             f"of {settings.resolution:g} m at origin ({x:g}, {y:g}) m"
         )
-    return row, column
+    return math.floor(row), math.floor(column)
 
 
-def _reached(blocked: Cells, cell: tuple[int, int], name: str) -> Cells:
-    """Cells that share edges with one another and with the start's, through cells that are not blocked."""
-    if blocked[cell]:
-        raise ValueError(f"{name}: the start lies inside a wall (cell {cell[1]}, {cell[0]} from the lower left)")
-    rows, columns = blocked.shape
-    # A frame of one cell that counts as reached, so that no neighbour index leaves the array.
-    closed = np.pad(blocked, 1, constant_values=True).ravel()
-    wide = columns + 2
-    front = np.array([(cell[0] + 1) * wide + cell[1] + 1])
-    reached = np.zeros(closed.shape, np.bool_)
-    reached[front] = closed[front] = True
-    while len(front):
-        around = np.concatenate([front - wide, front - 1, front + 1, front + wide])
-        around = around[~closed[around]]
-        closed[around] = True
-        # Equal indices are next to each other after sorting; np.unique does the same, slower.
-        around.sort()
-        front = around[np.concatenate([[True], np.diff(around) > 0])] if len(around) else around
-        reached[front] = True
-    inside = reached.reshape(rows + 2, wide)[1:-1, 1:-1]
+def _reached(free: Cells, cell: tuple[int, int]) -> Cells:
+    """Cells that can be reached from one; raises ValueError where that is none, or where they leave the map."""
+    if not free[cell]:
+        raise ValueError(f"the start lies inside a wall (cell {cell[1]}, {cell[0]} from the lower left)")
+    inside = reached_from(free, *cell)
     edge = np.zeros_like(inside)
     edge[[0, -1]] = edge[:, [0, -1]] = True
     if (inside & edge).any():
         row, column = np.argwhere(inside & edge)[0]
         raise ValueError(
-            f"{name}: the walls are open: from the start one gets out of the map at cell {column}, {row} "
+            f"the walls are open: from the start one gets out of the map at cell {column}, {row} "
             f"from the lower left (unknown cells count as open unless unknown_is_wall)"
         )
     return inside
-
-
-def borders(reached: Cells) -> NDArray[np.int64]:
-    """Borders between cells that are reached and those that are not, x0, y0, x1, y1 in cells, (n, 4).
-
-    Cell (row, column) covers column..column+1 x row..row+1. Edges in one line that touch are one border.
-    """
-    row, first, last = _runs(reached[:-1] != reached[1:])
-    flat = np.column_stack([first, row + 1, last, row + 1])
-    column, first, last = _runs((reached[:, :-1] != reached[:, 1:]).T)
-    return np.concatenate([flat, np.column_stack([column + 1, first, column + 1, last])])
-
-
-def _runs(edges: Cells) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Line, begin and end of each run of True along the lines of an array."""
-    steps = np.diff(np.pad(edges, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-    line, begin = np.nonzero(steps == 1)
-    _, end = np.nonzero(steps == -1)
-    return line, begin, end
 
 
 def _to_world(cells: NDArray[np.int64], settings: MapSettings) -> Floats:

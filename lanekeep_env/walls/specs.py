@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from lanekeep_env.checks import from_mapping, nearest, require
+from lanekeep_env.checks import from_mapping, nearest, require, shown
 from lanekeep_env.walls.generators import Circuit, Corridor, Ell, RandomCircuits, Slalom, WorldRecord
-from lanekeep_env.walls.map_file import read_map, read_settings
-from lanekeep_env.walls.world import World
+from lanekeep_env.walls.map_file import MapContent
+from lanekeep_env.walls.world import START_CLEARANCE, World
 
 
 @dataclass(frozen=True)
@@ -36,22 +36,12 @@ class MapFile(WorldRecord):
 
     def __post_init__(self) -> None:
         if not isinstance(self.path, str) or not isinstance(self.unknown_is_wall, bool):
-            raise ValueError(
-                f"world map: path={self.path!r} must be a path and unknown_is_wall={self.unknown_is_wall!r} a bool"
-            )
+            given = f"path={shown(self.path)}, unknown_is_wall={shown(self.unknown_is_wall)}"
+            raise ValueError(f"world map: {given} are not allowed: they must be a path and a bool")
         for name in ("x", "y", "heading"):
             require(f"world.{name}", getattr(self, name), "rad" if name == "heading" else "m")
         super().__post_init__()
-        object.__setattr__(self, "_digest", self._read())
-
-    def _read(self) -> str:
-        digest = hashlib.sha256()
-        for path in (Path(self.path), read_settings(self.path).image):
-            try:
-                digest.update(hashlib.sha256(path.read_bytes()).digest())
-            except OSError as error:
-                raise ValueError(f"map {self.path!r}: {str(path)!r} cannot be read: {error.strerror}") from None
-        return digest.hexdigest()
+        object.__setattr__(self, "_digest", MapContent.read(self.path).digest)
 
     def to_dict(self) -> dict[str, Any]:
         """Return kind and fields as JSON-able values."""
@@ -66,9 +56,10 @@ class MapFile(WorldRecord):
 
     def build(self) -> tuple[World, ...]:
         """One world."""
-        if self._read() != self._digest:
+        content = MapContent.read(self.path)
+        if content.digest != self._digest:
             raise ValueError(f"map {self.path!r} has changed since this scenario was made; make it anew")
-        return (read_map(self.path, (self.x, self.y, self.heading), self.unknown_is_wall),)
+        return (content.world((self.x, self.y, self.heading), self.unknown_is_wall, START_CLEARANCE),)
 
 
 _RECORDS = (Corridor, Ell, Slalom, Circuit, RandomCircuits, MapFile)
@@ -88,19 +79,21 @@ def world_from(value: str | Mapping[str, Any] | WorldRecord | Path) -> WorldReco
     if isinstance(value, str):
         value = {"kind": value}
     if not isinstance(value, Mapping):
-        raise ValueError(f"world={value!r} must be a name, a mapping with 'kind', or the path of a map's YAML file")
+        raise ValueError(
+            f"world={shown(value)} must be a name, a mapping with 'kind', or the path of a map's YAML file"
+        )
     settings = dict(value)
     kind = settings.pop("kind", None)
     generators = [name for name in WORLDS if name != MapFile.kind]
     if kind is None:
-        raise ValueError(f"world={value!r} lacks 'kind'; allowed: {', '.join(WORLDS)}")
+        raise ValueError(f"world={shown(value)} lacks 'kind'; allowed: {', '.join(WORLDS)}")
     if not isinstance(kind, str) or kind not in WORLDS or (kind == MapFile.kind and "path" not in settings):
         raise ValueError(
-            f"world={kind!r} is unknown{nearest(str(kind), generators)}; allowed: {', '.join(generators)}, "
+            f"world={shown(kind)} is unknown{nearest(kind, generators)}; allowed: {', '.join(generators)}, "
             f"or the path of a map's YAML file"
         )
     return from_mapping(WORLDS[kind], settings, f"world {kind!r}")
 
 
 def _is_path(value: str) -> bool:
-    return "/" in value or "\\" in value or value.endswith((".yaml", ".yml")) or Path(value).is_file()
+    return "/" in value or "\\" in value or value.endswith((".yaml", ".yml")) or os.path.isfile(value)

@@ -139,7 +139,7 @@ class World:
         """
         for x, y, _ in self.start:
             near = self.distance(x, y)
-            if near < clearance:
+            if not near >= clearance:
                 raise ValueError(
                     f"world {self.name!r}: the start ({x:.3f}, {y:.3f}) m is {near:.3f} m from a wall; "
                     f"allowed are >= {clearance} m"

@@ -185,7 +185,7 @@ class _Course(BaseCallback):
         path = self._folder / f"{policy_name(self._settings)}.json"
         record = self._record()
         write_policy(path, record, self._best, overwrite=True)
-        return LearnedPolicy(*read_policy(path))
+        return LearnedPolicy(*read_policy(path), self._scenario)
 
     def _on_step(self) -> bool:
         return True
@@ -203,7 +203,7 @@ class _Course(BaseCallback):
     def _evaluate(self) -> None:
         network, normalisation, tensors = export_sb3(self.model, self._env)
         self._network, self._normalisation = network, normalisation
-        policy = LearnedPolicy(self._record(), tensors)
+        policy = LearnedPolicy(self._record(), tensors, self._scenario)
         score = self._held_out.score(policy)
         if not self._scores or score.mean_return > self._top.mean_return:
             self._best = {name: tensor.copy() for name, tensor in tensors.items()}

@@ -43,7 +43,7 @@ def refused(name=WALL, **keywords):
         ({"dynamics": "dynamik"}, ["dynamics='dynamik'", "did you mean 'dynamic'", "kinematic"]),
         ({"action": "speed"}, ["action='speed'", "steering_angle, steering_rate"]),
         ({"max_steering_angle": 2.0}, ["max_steering_angle=2.0", "<= 1.5 rad"]),
-        ({"max_steering_rate": 0.0}, ["max_steering_rate=0.0", "> 0.0 rad/s"]),
+        ({"max_steering_rate": 0.0}, ["max_steering_rate=0.0", ">= 0.0001", "rad/s"]),
         ({"steering_offset": 0.7}, ["steering_offset=0.7", "<= 0.5 rad"]),
         ({"steering_offset": (0.1, -0.1)}, ["steering_offset=(0.1, -0.1)", "low <= high"]),
         ({"servo": {"left": -0.1}}, ["servo.left=-0.1", "> 0.0", "rad or None"]),
@@ -87,7 +87,7 @@ def test_a_wrong_setting_is_named_with_value_unit_and_what_is_allowed(keywords, 
     ("keywords", "words"),
     [
         ({"max_speed": 0.0}, ["max_speed=0.0", "> 0.0", "<= 20.0 m/s"]),
-        ({"max_acceleration": -1.0}, ["max_acceleration=-1.0", "> 0.0 m/s²"]),
+        ({"max_acceleration": -1.0}, ["max_acceleration=-1.0", ">= 0.001", "m/s²"]),
         ({"laps": 1.5}, ["laps=1.5", "whole number"]),
     ],
 )

@@ -1,0 +1,24 @@
+"""The version of everything that lanekeep asks for; exits with an error where ``lowest`` is not what is declared."""
+
+import sys
+from importlib.metadata import requires, version
+
+from packaging.requirements import Requirement
+from packaging.version import Version
+
+PINNED = {"torch"}  # to the build without CUDA, see constraints-newest.txt
+
+asked = [Requirement(line) for line in requires("lanekeep") or []]
+asked = [requirement for requirement in asked if requirement.name != "lanekeep"]
+found = {requirement.name: Version(version(requirement.name)) for requirement in asked}
+print(f"{sys.argv[1]}: {', '.join(f'{name} {found[name]}' for name in sorted(found))}")
+
+if sys.argv[1] == "lowest":
+    bounds = {(r.name, Version(s.version)) for r in asked for s in r.specifier if s.operator == ">="}
+    wrong = [
+        f"{name}>={bound} declared, {found[name]} installed"
+        for name, bound in sorted(bounds)
+        if found[name] != bound and name not in PINNED
+    ]
+    if wrong:
+        sys.exit(f"compat: constraints-lowest.txt and pyproject.toml differ ({'; '.join(wrong)}); run make lowest")

@@ -1,0 +1,150 @@
+"""Sizes of the code beside their aims, read from the syntax alone.
+
+    python tests/code_metrics.py [--strict]
+
+--strict: exit status 1 if an aim is missed.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parents[1]
+PACKAGES = ("lanekeep_env", "baselines/lanekeep_baselines", "agents/lanekeep_agents", "benchmarks/lanekeep_benchmarks")
+#: Modules whose functions' parameters are the options of a command.
+COMMANDS = ("cli", "train_command", "__main__")
+SHOWN = 4
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A figure and whether its aim is met; the worst offenders say where to begin."""
+
+    name: str
+    figure: str
+    aim: str
+    met: bool
+    offenders: tuple[str, ...]
+
+    def __str__(self) -> str:
+        head = f"{self.name:44}{self.figure:>9}  aim {self.aim:8}{'' if self.met else '  missed'}"
+        return "\n".join([head.rstrip(), *(f"    {offender}" for offender in self.offenders)])
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A function or class, where it stands, and whether a user sees it."""
+
+    node: Function | ast.ClassDef
+    file: Path
+    name: str
+    public: bool
+
+    @property
+    def place(self) -> str:
+        """As editors open it."""
+        return f"{self.file.relative_to(HERE).as_posix()}:{self.node.lineno} {self.name}"
+
+
+def definitions(file: Path) -> Iterator[Definition]:
+    """Every function and class of a module, those within others included."""
+
+    def below(node: ast.AST, prefix: str, public: bool) -> Iterator[Definition]:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, Function | ast.ClassDef):
+                seen = public and not child.name.startswith("_")
+                yield Definition(child, file, prefix + child.name, seen)
+                inner_seen = seen and isinstance(child, ast.ClassDef)
+                yield from below(child, f"{prefix}{child.name}.", inner_seen)
+            else:
+                yield from below(child, prefix, public)
+
+    yield from below(ast.parse(file.read_text(encoding="utf-8")), "", True)
+
+
+def lines(node: Function) -> int:
+    """From ``def`` to the last line."""
+    return (node.end_lineno or node.lineno) - node.lineno + 1
+
+
+def parameters(node: Function) -> list[ast.arg]:
+    """All of them but self and cls."""
+    a = node.args
+    named = [*a.posonlyargs, *a.args, *a.kwonlyargs, *(star for star in (a.vararg, a.kwarg) if star)]
+    return [arg for arg in named if arg.arg not in ("self", "cls")]
+
+
+def compiled_inline(node: Function) -> bool:
+    """Whether it is a scalar function of the compiled loops."""
+    return any(isinstance(mark, ast.Name) and mark.id == "inline" for mark in node.decorator_list)
+
+
+def typed(node: Function) -> bool:
+    """Whether every parameter and what is returned are annotated."""
+    return node.returns is not None and all(arg.annotation is not None for arg in parameters(node))
+
+
+def largest(name: str, sizes: dict[str, int], aim: int) -> Metric:
+    """The largest of ``sizes`` by place; offenders exceed ``aim``."""
+    worst = sorted(((size, place) for place, size in sizes.items() if size > aim), reverse=True)
+    figure = max(sizes.values(), default=0)
+    shown = tuple(f"{size:5} {place}" for size, place in worst[:SHOWN])
+    more = (f"      and {len(worst) - SHOWN} more above {aim}",) if len(worst) > SHOWN else ()
+    return Metric(name, str(figure), f"≤ {aim}", figure <= aim, shown + more)
+
+
+def share(name: str, good: dict[str, bool], aim: int) -> Metric:
+    """Percentage of ``good`` by place; offenders are the files with most that are not."""
+    files: dict[str, int] = {}
+    for place, fine in good.items():
+        file = place.partition(":")[0]
+        files[file] = files.get(file, 0) + (not fine)
+    worst = sorted(((count, file) for file, count in files.items() if count), reverse=True)[:SHOWN]
+    percent = 100.0 * sum(good.values()) / max(len(good), 1)
+    shown = tuple(f"{count:5} without in {file}" for count, file in worst)
+    return Metric(name, f"{percent:.1f} %", f"≥ {aim} %", percent >= aim, shown)
+
+
+def metrics() -> list[Metric]:
+    """All figures of the four packages."""
+    files = sorted(file for package in PACKAGES for file in (HERE / package).rglob("*.py"))
+    found = [definition for file in files for definition in definitions(file)]
+    functions = {d.place: d.node for d in found if isinstance(d.node, Function)}
+    command = {d.place for d in found if d.file.stem in COMMANDS}
+    counts = {place: len(parameters(node)) for place, node in functions.items() if place not in command}
+    inline = {place for place in counts if compiled_inline(functions[place])}
+    environment = {place: node for place, node in functions.items() if place.startswith("lanekeep_env/")}
+    documented = {d.place: ast.get_docstring(d.node) is not None for d in found if d.public}
+    modules = {file.relative_to(HERE).as_posix(): len(file.read_text(encoding="utf-8").splitlines()) for file in files}
+    rest = {place: count for place, count in counts.items() if place not in inline}
+    return [
+        largest("longest function, lines", {place: lines(node) for place, node in functions.items()}, 60),
+        largest("most parameters", rest, 8),
+        replace(
+            largest("most parameters, inline scalar functions", {place: counts[place] for place in inline}, 8),
+            aim="none",  # positions and rates by name, for which a record would cost time
+            met=True,
+        ),
+        largest("largest module, lines", modules, 350),
+        share("typed functions in lanekeep_env", {place: typed(node) for place, node in environment.items()}, 90),
+        share("public functions and classes with docstring", documented, 90),
+    ]
+
+
+def main() -> int:
+    """Print all figures; 1 with --strict and an aim missed."""
+    if sys.argv[1:] not in ([], ["--strict"]):
+        print(__doc__, file=sys.stderr)
+        return 2
+    found = metrics()
+    print("\n".join(map(str, found)))
+    return int("--strict" in sys.argv and not all(metric.met for metric in found))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

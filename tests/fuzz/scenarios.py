@@ -1,0 +1,221 @@
+"""Random vehicles and scenarios, fields right or wrong by a factor or a unit: refused in one line, or driven.
+
+    python tests/fuzz/scenarios.py --count 10000 --seed 0
+
+Exit status 1, and the keywords of each case, where a refusal is no single line, a number is not finite or outside its
+bounds, an exception is another one, or a step takes more than a second.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import signal
+import sys
+import time
+import warnings
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import lanekeep_env
+from lanekeep_env.envs.termination import Termination
+
+#: What a number may be wrong by: orders of magnitude, degrees and radians, km/h, pounds and feet, sign, nothing at all.
+FACTORS = (1e-3, 1e3, math.degrees(1.0), math.radians(1.0), 3.6, 1 / 3.6, 0.4536, 0.3048, -1.0, 0.0)
+NASTY = (math.nan, math.inf, 1e300, 1e-300, None, "1.0", True, 10**400)
+#: Choices that are no numbers; each is tried with all environments that have the field.
+WORDS: dict[str, list[Any]] = {
+    "vehicle": [*lanekeep_env.VEHICLES],
+    "dynamics": ["dynamic", "kinematic"],
+    "tyre": ["linear", "magic_formula"],
+    "action": ["steering_angle", "steering_rate"],
+    "departure": ["terminate", "cost", "off"],
+    "contact": ["terminate", "cost", "off"],
+    "observation": ["measured", "full"],
+    "randomisation": ["nominal", "mismatch", "stress"],
+    "sensors": [None, "production", "poor"],
+    "scan": ["none", "perfect", "kinect"],
+    "control_step": [0.01, 0.02, 0.05, 0.5, 1.0],
+    "speed": [0.0, 0.2, 1.0, 15.0, 60.0],
+    "friction": [0.01, 0.3, 1.0],
+    "preview": [0, 5],
+    "road": ["straight", "circle", "slalom", "sine", "yin"],
+    "world": ["corridor", "ell", "slalom", "circuit"],
+}
+#: Numbers of records that are off by default and so stand in no scenario.
+STEERING = {"lag": 0.1, "rate_limit": 0.4, "angle_limit": 0.5, "delay": 0.05, "backlash": 0.02}
+SECONDS_A_STEP, SECONDS_TO_BUILD = 1.0, 60.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """An environment to be made: its id and keywords."""
+
+    env_id: str
+    keywords: dict[str, Any]
+
+
+def random_case(rng: np.random.Generator) -> Case:
+    """Draw an id, some choices that are no numbers, and up to four numbers that are wrong."""
+    env_id = str(rng.choice(sorted(lanekeep_env.ENVIRONMENTS)))
+    fields = gym.make(env_id).unwrapped.scenario.to_dict()
+    chosen: dict[str, Any] = {}
+    for name in sorted(set(WORDS) & set(fields)):
+        if rng.random() < 0.35:
+            chosen[name] = WORDS[name][int(rng.integers(len(WORDS[name])))]
+    with contextlib.suppress(ValueError):  # choices that exclude each other are tried as they are
+        full = gym.make(env_id, **chosen).unwrapped.scenario.to_dict()
+        chosen = {**chosen, **_wrong(full, rng)}
+    return Case(env_id, chosen)
+
+
+def _wrong(fields: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+    """Change up to four numbers of a scenario; return the top fields that they are part of."""
+    if rng.random() < 0.5 and "vehicle" in fields:
+        steering = fields["vehicle"]["steering"]
+        for name in STEERING:
+            steering[name] = STEERING[name] if rng.random() < 0.3 else steering[name]
+    places = list(_numbers(fields, ()))
+    changed: dict[str, Any] = {}
+    for _ in range(int(rng.integers(4))):
+        # A field first, then a number of it: a vehicle's are many.
+        top = str(rng.choice(sorted({path[0] for path in places})))
+        inside = [path for path in places if path[0] == top]
+        path = places.pop(places.index(inside[int(rng.integers(len(inside)))]))
+        holder = fields
+        for step in path[:-1]:
+            holder = holder[step]
+        value = holder[path[-1]]
+        if rng.random() < 0.1:
+            holder[path[-1]] = NASTY[int(rng.integers(len(NASTY)))]
+        else:
+            factor = FACTORS[int(rng.integers(len(FACTORS)))]
+            holder[path[-1]] = type(value)(value * factor) if math.isfinite(value) and abs(value) < 1e15 else value
+        changed[top] = fields[top]
+    if "vehicle" in fields and rng.random() < 0.5:
+        changed["vehicle"] = fields["vehicle"]
+    return changed
+
+
+def _numbers(value: Any, path: tuple[Any, ...]) -> Iterator[tuple[Any, ...]]:
+    """Paths of all numbers below ``value``; tuples become lists, so that they can be changed."""
+    entries = value.items() if isinstance(value, dict) else enumerate(value)
+    for key, entry in list(entries):
+        if isinstance(entry, tuple):
+            entry = value[key] = list(entry)
+        if isinstance(entry, dict | list):
+            yield from _numbers(entry, (*path, key))
+        elif isinstance(entry, int | float) and not isinstance(entry, bool):
+            yield (*path, key)
+
+
+def outcome_of(case: Case, steps: int = 100, vector: bool = True) -> tuple[str, str]:
+    """Make and drive an environment; return ("refused" or "driven" or "violation", what happened).
+
+    ``vector``: drive two cars in single precision as well.
+    """
+    try:
+        with _limited(SECONDS_TO_BUILD):
+            many = gym.make_vec(
+                case.env_id, num_envs=2, vectorization_mode="vector_entry_point", dtype="float32", **case.keywords
+            )
+            env = gym.make(case.env_id, **case.keywords)
+    except (ValueError, TypeError) as error:
+        message = str(error)
+        if "\n" in message or not 10 < len(message) < 1500:
+            return "violation", f"refused by {message!r}"
+        return "refused", message
+    except BaseException as error:
+        return "violation", f"{type(error).__name__} when made: {error}"
+    try:
+        rng = np.random.default_rng(1)
+        bad = _drive_one(env, rng, steps) or (_drive_many(many, rng, steps // 4) if vector else None)
+        return bad or ("driven", "")
+    except BaseException as error:
+        return "violation", f"{type(error).__name__} when driven: {error}"
+
+
+def _drive_one(env: Any, rng: np.random.Generator, steps: int) -> tuple[str, str] | None:
+    env.reset(seed=int(rng.integers(1000)))
+    bad = None
+    for step in range(steps):
+        began = time.process_time()
+        with _limited(SECONDS_TO_BUILD):  # the first step compiles
+            observation, reward, terminated, truncated, info = env.step(env.action_space.sample() * rng.choice([1, 5]))
+        seconds = time.process_time() - began
+        if seconds > SECONDS_A_STEP and step > 0:
+            bad = f"step {step} took {seconds:.1f} s"
+        if not env.observation_space.contains(observation):
+            bad = f"step {step}: observation {observation} is outside its bounds"
+        wrong = [key for key, value in info.items() if not np.isfinite(value)]
+        if wrong or not math.isfinite(reward):
+            bad = f"step {step}: reward {reward}, info {wrong} not finite"
+        if info["termination"] == Termination.DIVERGED:
+            bad = f"step {step}: the state diverged"
+        if bad is not None:
+            return "violation", bad
+        if terminated or truncated:
+            env.reset()
+    return None
+
+
+def _drive_many(envs: Any, rng: np.random.Generator, steps: int) -> tuple[str, str] | None:
+    envs.reset(seed=int(rng.integers(1000)))
+    for step in range(steps):
+        with _limited(SECONDS_TO_BUILD):
+            observation, reward, _, _, info = envs.step(rng.uniform(-1.5, 1.5, envs.action_space.shape))
+        if not envs.observation_space.contains(observation) or not np.isfinite(reward).all():
+            return "violation", f"float32, step {step}: observation {observation}, reward {reward}"
+        if any(not np.isfinite(np.asarray(value, dtype=np.float64)).all() for value in info.values()):
+            return "violation", f"float32, step {step}: info {info}"
+        if (info["termination"] == Termination.DIVERGED).any():
+            return "violation", f"float32, step {step}: the state diverged"
+    return None
+
+
+@contextlib.contextmanager
+def _limited(seconds: float) -> Iterator[None]:
+    """End what takes longer, as far as Python gets to see the signal; a kernel that hangs shows as no progress."""
+
+    def late(*_: object) -> None:
+        raise TimeoutError(f"more than {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def main() -> int:
+    """Drive the cases; return the exit status."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--count", type=int, default=10_000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--first", type=int, default=0, help="number of the first case (to repeat one: --count 1)")
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore")
+    found: Counter[str] = Counter()
+    for number in range(arguments.first, arguments.first + arguments.count):
+        case = random_case(np.random.default_rng([arguments.seed, number]))
+        kind, message = outcome_of(case)
+        found[kind] += 1
+        if kind == "violation":
+            print(f"case {number}: {case.env_id} {case.keywords}\n  {message}", flush=True)
+        if sys.stderr.isatty() or number % 500 == 499:
+            print(f"\r{number + 1} cases: {dict(found)}", end="", file=sys.stderr, flush=True)
+    print(f"\n{sum(found.values())} cases: {found['refused']} refused, {found['driven']} driven, "
+          f"{found['violation']} violations")  # fmt: skip
+    return 1 if found["violation"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
