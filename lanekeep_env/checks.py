@@ -6,6 +6,7 @@ import difflib
 import math
 import reprlib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import fields
 from numbers import Real
 from typing import Any, TypeVar
@@ -105,7 +106,8 @@ def plain_numbers(record: Any) -> None:
     for f in fields(record):
         value = getattr(record, f.name)
         if isinstance(value, Real) and not isinstance(value, bool):
-            if str(f.type).startswith("float"):
-                object.__setattr__(record, f.name, float(value))
-            elif str(f.type).startswith("int"):
-                object.__setattr__(record, f.name, int(float(value)))
+            with suppress(OverflowError):  # what no float can hold is left to the record's own check
+                if str(f.type).startswith("float"):
+                    object.__setattr__(record, f.name, float(value))
+                elif str(f.type).startswith("int"):
+                    object.__setattr__(record, f.name, int(float(value)))

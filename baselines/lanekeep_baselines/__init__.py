@@ -12,7 +12,7 @@ from __future__ import annotations
 from importlib import import_module
 
 from lanekeep_baselines.policy import Policy, Scenario, SteeringPolicy
-from lanekeep_env.checks import nearest
+from lanekeep_env.checks import nearest, shown
 
 __all__ = ["Policy", "Scenario", "make", "names"]
 
@@ -79,7 +79,7 @@ def make(name: str, scenario: Scenario) -> Policy:
         ModuleNotFoundError: the controller's design needs a package of the extra `lanekeep[baselines]`.
     """
     if name not in _POLICIES:
-        raise ValueError(f"policy={name!r} is unknown{nearest(name, _POLICIES)}; allowed: {', '.join(_POLICIES)}")
+        raise ValueError(f"policy={shown(name)} is unknown{nearest(name, _POLICIES)}; allowed: {', '.join(_POLICIES)}")
     policy = _class_of(name)
     package = policy.missing_package()
     if package:

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from lanekeep_env import SENSOR_SETS, LaneKeepScenario
-from lanekeep_env.checks import nearest
+from lanekeep_env.checks import nearest, shown
 from lanekeep_env.roads import LimitedSpeed, Road, build_roads
 from lanekeep_env.scenario.base import ScenarioRecord
 
@@ -404,7 +404,7 @@ SUITES: dict[str, Suite] = {
 def suite_named(name: str) -> Suite:
     """Return the suite of that name; ValueError names the nearest one."""
     if name not in SUITES:
-        raise ValueError(f"suite {name!r} is unknown{nearest(name, SUITES)}; allowed: {', '.join(SUITES)}")
+        raise ValueError(f"suite {shown(name)} is unknown{nearest(name, SUITES)}; allowed: {', '.join(SUITES)}")
     return SUITES[name]
 
 
@@ -423,8 +423,13 @@ def road_suite(file: Path) -> Suite:
     Raises:
         ValueError, OSError: the file is missing or is not a drivable road; the message says why.
     """
-    if not file.is_file():
-        raise ValueError(f"--road {file}: no such file; allowed: a CSV file with the columns x, y in m")
+    name = str(file) if str(file).isprintable() and len(str(file)) < 1000 else shown(str(file))
+    try:
+        found = file.is_file()
+    except OSError as error:
+        raise ValueError(f"--road {name} cannot be read: {error.strerror}") from None
+    if not found:
+        raise ValueError(f"--road {name}: no such file; allowed: a CSV file with the columns x, y in m")
     keywords: dict[str, Any] = {"road": {"kind": "file", "path": str(file)}, **_COMMON}
     definition = LaneKeepScenario.from_keywords(**keywords)
     ((road, speed),) = build_roads(definition.road, definition.speed)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium.utils import seeding
 
 from lanekeep_env import layout as at
+from lanekeep_env.checks import shown
 from lanekeep_env.envs import road_kernel
+from lanekeep_env.envs.given_state import check_state, row_of
 from lanekeep_env.physics.integrate import DRIVEN
 from lanekeep_env.rendering.road_picture import Pose
 from lanekeep_env.roads import Road, RoadSpec, SetSpeeds, SpeedSpec, road_set
@@ -263,21 +265,38 @@ class RoadLanes:
             outcome,
         )
 
+    def check_state(self, state: Mapping[str, np.ndarray]) -> None:
+        """Raise ValueError for a state, of the right shapes, that no lane has."""
+        drive, timelines = self.equipment[-2:]
+        sizes: dict[int, np.ndarray | int] = {at.SEGMENT: len(self.road), at.ROAD: len(self.roads)}
+        further = {}
+        if drive is not None and timelines is not None:
+            sizes[at.TIMELINE] = len(timelines)
+            further[at.EVENT] = ("event", 0.0, float(timelines.shape[1]))
+            further[at.GEAR] = ("gear", 0.0, float(drive[at.D_GEARS]) - 1.0)
+        check_state(state, self.settings, sizes, further)
+        length = row_of(state["lanes"], at.SEGMENT_LENGTH, self.num_lanes)
+        along = row_of(state["lanes"], at.ALONG, self.num_lanes)
+        elsewhere = length != self.road[state["counters"][at.SEGMENT], at.R_LENGTH]
+        # Lanes that were never reset stand on no segment; others are at most on the way to the next one.
+        if (elsewhere & np.isfinite(length)).any() or (along > length + 100.0).any():
+            raise ValueError("state: a lane is not on its segment of the road")
+
     def _start(self, options: dict[str, Any]) -> np.ndarray:
         start = np.full((at.START_ROWS, self.num_lanes), np.nan)
         if not isinstance(options, dict):
-            raise ValueError(f"reset options={options!r} must be a mapping; allowed: {', '.join(START_OPTIONS)}")
+            raise ValueError(f"reset options={shown(options)} must be a mapping; allowed: {', '.join(START_OPTIONS)}")
         for key, value in options.items():
             if key not in START_OPTIONS:
-                raise ValueError(f"reset option {key!r} is unknown; allowed: {', '.join(START_OPTIONS)}")
+                raise ValueError(f"reset option {shown(key)} is unknown; allowed: {', '.join(START_OPTIONS)}")
             try:
                 start[START_OPTIONS.index(key)] = np.asarray(value, dtype=np.float64)
-            except (TypeError, ValueError):
+            except (TypeError, ValueError, OverflowError):
                 raise ValueError(
-                    f"reset option {key}={value!r} must be a number or one number a lane ({self.num_lanes})"
+                    f"reset option {key}={shown(value)} must be a number or one number a lane ({self.num_lanes})"
                 ) from None
             if not np.isfinite(start[START_OPTIONS.index(key)]).all():
-                raise ValueError(f"reset option {key}={value!r} must be finite; leave it out to have it drawn")
+                raise ValueError(f"reset option {key}={shown(value)} must be finite; leave it out to have it drawn")
         index, station = start[3], start[2]
         if np.any((index < 0) | (index >= len(self.roads)) | (index % 1 > 0)):
             raise ValueError(f"reset option road_index must be a whole number from 0 to {len(self.roads) - 1}")

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium.utils import seeding
 
 from lanekeep_env import layout as at
+from lanekeep_env.checks import shown
 from lanekeep_env.envs import wall_kernel
+from lanekeep_env.envs.given_state import check_state
 from lanekeep_env.envs.road_lanes import ACTIONS, BLOCK, DEPARTURES
 from lanekeep_env.rendering.wall_picture import WallPose
 from lanekeep_env.scenario.walls import CircuitScenario, WallFollowScenario
@@ -236,26 +238,33 @@ class WallLanes:
         if options and not options.keys().isdisjoint(START_OPTIONS[:2]):
             blocked = np.flatnonzero(mask & (self.lanes[:, at.BLOCKED].reshape(-1)[: self.num_lanes] > 0.0))
             if len(blocked):
-                asked = ", ".join(f"{key}={options[key]!r}" for key in START_OPTIONS if key in options)
+                asked = ", ".join(f"{key}={shown(options[key])}" for key in START_OPTIONS if key in options)
                 raise ValueError(
                     f"reset options {asked}: the car of lane {blocked[0]} would stand in or beyond a wall there"
                 )
 
+    def check_state(self, state: Mapping[str, np.ndarray]) -> None:
+        """Raise ValueError for a state, of the right shapes, that no lane has."""
+        index = self.worlds[1]
+        check_state(state, self.settings, {at.ROAD: len(index)}, {})
+        segments = np.maximum(index[state["counters"][at.ROAD], at.I_POINTS] - 1, 1)
+        check_state(state, self.settings, {at.SEGMENT: segments}, {})
+
     def _start(self, options: dict[str, Any]) -> np.ndarray:
         start = np.full((at.START_ROWS, self.num_lanes), np.nan)
         if not isinstance(options, dict):
-            raise ValueError(f"reset options={options!r} must be a mapping; allowed: {', '.join(START_OPTIONS)}")
+            raise ValueError(f"reset options={shown(options)} must be a mapping; allowed: {', '.join(START_OPTIONS)}")
         for key, value in options.items():
             if key not in START_OPTIONS:
-                raise ValueError(f"reset option {key!r} is unknown; allowed: {', '.join(START_OPTIONS)}")
+                raise ValueError(f"reset option {shown(key)} is unknown; allowed: {', '.join(START_OPTIONS)}")
             try:
                 start[START_OPTIONS.index(key)] = np.asarray(value, dtype=np.float64)
-            except (TypeError, ValueError):
+            except (TypeError, ValueError, OverflowError):
                 raise ValueError(
-                    f"reset option {key}={value!r} must be a number or one number a lane ({self.num_lanes})"
+                    f"reset option {key}={shown(value)} must be a number or one number a lane ({self.num_lanes})"
                 ) from None
             if not np.isfinite(start[START_OPTIONS.index(key)]).all():
-                raise ValueError(f"reset option {key}={value!r} must be finite; leave it out to have it drawn")
+                raise ValueError(f"reset option {key}={shown(value)} must be finite; leave it out to have it drawn")
         index = self.worlds[1]
         for key, row, count in (("start_index", 2, int(index[:, at.I_STARTS].min())), ("world_index", 3, len(index))):
             if np.any((start[row] < 0) | (start[row] >= count) | (start[row] % 1 > 0)):

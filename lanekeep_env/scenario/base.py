@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, nearest, plain_numbers, require
+from lanekeep_env.checks import choose, nearest, plain_numbers, require, shown
 from lanekeep_env.physics.integrate import LARGEST_SPEED
 from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
@@ -102,7 +102,7 @@ class ScenarioRecord:
         for key in keywords:
             if key not in allowed:
                 allowed += others
-                raise TypeError(f"unknown keyword {key!r}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
+                raise TypeError(f"unknown keyword {shown(key)}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
         return cls(**keywords)
 
     def _channels(self) -> list[Channel]:

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
+from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
 from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads import RoadSpec, SetSpeeds, TurnOffRoads, YardRoads, set_speeds_from
@@ -48,7 +48,7 @@ def camera_from(value: Mapping[str, Any] | Camera) -> Camera:
     if isinstance(value, Camera):
         return value
     if not isinstance(value, Mapping):
-        raise ValueError(f"camera={value!r} must be a mapping of Camera's fields, e.g. {{'look_ahead': 3.5}}")
+        raise ValueError(f"camera={shown(value)} must be a mapping of Camera's fields, e.g. {{'look_ahead': 3.5}}")
     return from_mapping(Camera, value, "camera")
 
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
+from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
 from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
 from lanekeep_env.randomisation import Randomisation, randomisation_from
@@ -58,19 +58,19 @@ class Servo:
         if self.angles is not None:
             if not isinstance(self.angles, tuple | list):
                 raise ValueError(
-                    f"servo.angles={self.angles!r} is not allowed: an odd number of angles, at least 3, rad"
+                    f"servo.angles={shown(self.angles)} is not allowed: an odd number of angles, at least 3, rad"
                 )
             for angle in self.angles:
                 require("servo.angles", angle, "rad", at_least=-1.5, at_most=1.5)
             object.__setattr__(self, "angles", tuple(float(angle) for angle in self.angles))
             if len(self.angles) < 3 or len(self.angles) % 2 == 0 or self.left is not None or self.right is not None:
                 raise ValueError(
-                    f"servo.angles={self.angles!r} is not allowed: an odd number of angles, at least 3, and neither "
-                    "left nor right beside them"
+                    f"servo.angles={shown(self.angles)} is not allowed: an odd number of angles, at least 3, "
+                    "and neither left nor right beside them"
                 )
             if any(after <= before for before, after in zip(self.angles[:-1], self.angles[1:], strict=True)):
                 raise ValueError(
-                    f"servo.angles={self.angles!r} is not allowed: the angles must rise from right to left"
+                    f"servo.angles={shown(self.angles)} is not allowed: the angles must rise from right to left"
                 )
         plain_numbers(self)
 
@@ -147,7 +147,7 @@ def scan_from(value: str | Mapping[str, Any] | Scan) -> Scan:
         choose("scan", value, SCANS)
         return SCANS[value]
     if not isinstance(value, Mapping):
-        raise ValueError(f"scan={value!r} must be {', '.join(SCANS)} or a mapping of Scan's fields")
+        raise ValueError(f"scan={shown(value)} must be {', '.join(SCANS)} or a mapping of Scan's fields")
     return from_mapping(Scan, value, "scan")
 
 
@@ -158,7 +158,7 @@ def servo_from(value: Mapping[str, Any] | Servo | None) -> Servo:
     if isinstance(value, Servo):
         return value
     if not isinstance(value, Mapping):
-        raise ValueError(f"servo={value!r} must be a mapping of Servo's fields")
+        raise ValueError(f"servo={shown(value)} must be a mapping of Servo's fields")
     return from_mapping(Servo, value, "servo")
 
 
@@ -168,7 +168,7 @@ def range_from(name: str, value: Any) -> tuple[float, float]:
     for bound in (low, high):
         require(name, bound, "rad", at_least=-0.5, at_most=0.5)
     if high < low:
-        raise ValueError(f"{name}={value!r} is not allowed: the bounds must be (low, high) with low <= high")
+        raise ValueError(f"{name}={shown(value)} is not allowed: the bounds must be (low, high) with low <= high")
     return float(low), float(high)
 
 
@@ -258,7 +258,9 @@ class WallFollowScenario(ScenarioRecord):
         require("cost_cap", self.cost_cap, "1/s", at_least=1e-6, at_most=1e6)
         require("encoder_ticks", self.encoder_ticks, "ticks a turn", at_least=0, at_most=1_000_000, whole=True)
         if not isinstance(self.encoder_direction, bool):
-            raise ValueError(f"encoder_direction={self.encoder_direction!r} is not allowed: it must be True or False")
+            raise ValueError(
+                f"encoder_direction={shown(self.encoder_direction)} is not allowed: it must be True or False"
+            )
         choose("observation", self.observation, ("measured", "full"))
         require("control_step", self.control_step, "s", at_least=self.base_step, at_most=1.0)
         multiple_of_step("control_step", self.control_step, self.base_step)
