@@ -231,8 +231,8 @@ def walled_start():
     [
         (open_hall(), {}, ["the walls are open", "cell 99"]),
         (walled_start(), {}, ["start lies inside a wall", "cell 20, 20"]),
-        (None, {"resolution": 0}, ["resolution=0", "> 0.0", "m a cell"]),
-        (None, {"resolution": -0.1}, ["resolution=-0.1", "> 0.0"]),
+        (None, {"resolution": 0}, ["resolution=0", ">= 0.0001", "m a cell"]),
+        (None, {"resolution": -0.1}, ["resolution=-0.1", ">= 0.0001"]),
         (None, {"image": "gone.png"}, ["gone.png", "cannot be read"]),
         (None, {"origin": [50.0, 0.0, 0.0]}, ["start (0, 0) m is outside the map", "100 x 60 cells"]),
         (None, {"origin": [0.0]}, ["origin=[0.0]", "yaw in rad"]),
