@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from numbers import Real
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lanekeep_env import layout as at
 from lanekeep_env.checks import from_mapping, plain_numbers, require, shown
 from lanekeep_env.roads.road import Floats, Road
 
@@ -40,6 +42,10 @@ class ConstantSpeed:
     def lateral_limit(self) -> float:
         """Largest lateral acceleration, m/s², 0 for none."""
         return 0.0
+
+    def numbers(self, control_step: float, step: float) -> dict[int, float]:
+        """No settings of the kernel: the speed is the road's."""
+        return {}
 
     def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
         """Return the road and the speed at its segment borders, m/s, (n + 1,)."""
@@ -86,6 +92,10 @@ class LimitedSpeed:
     def lateral_limit(self) -> float:
         """Largest lateral acceleration, m/s², 0 for none."""
         return self.lateral_acceleration
+
+    def numbers(self, control_step: float, step: float) -> dict[int, float]:
+        """No settings of the kernel: the speed is the road's."""
+        return {}
 
     def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
         """Return the road, cut finely enough, and the speed at its segment borders, m/s, (n + 1,).
@@ -163,6 +173,16 @@ class SetSpeeds:
     def lateral_limit(self) -> float:
         """Largest lateral acceleration, m/s², 0 for none."""
         return self.lateral_acceleration or 0.0
+
+    def numbers(self, control_step: float, step: float) -> dict[int, float]:
+        """The kernel's settings by row of `layout`, for a control step and an integration step in s."""
+        return {
+            at.SPEED_LOW: self.minimum,
+            at.SPEED_HIGH: self.maximum,
+            at.SPEED_HOLD: math.inf if self.hold is None else round(self.hold / control_step),
+            at.SPEED_CHANGE: self.acceleration * step,
+            at.STANDSTILL: self.standstill,
+        }
 
     def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
         """Return the road and the largest speed at its segment borders, m/s, (n + 1,)."""

@@ -1,10 +1,11 @@
 """Scenarios: frozen records of everything that defines an environment, checked when they are built."""
 
-from lanekeep_env.scenario.base import INTEGRATION_STEP, Channel, RoadScenario
+from lanekeep_env.scenario.base import INTEGRATION_STEP, Channel
 from lanekeep_env.scenario.camera import Camera, CameraLaneScenario, TurnOffScenario
 from lanekeep_env.scenario.drive import DriveScenario, Traffic
 from lanekeep_env.scenario.evasive import EvasiveScenario, ReversePathScenario
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario, RoadWorksScenario
+from lanekeep_env.scenario.road import RoadScenario
 from lanekeep_env.scenario.walls import CircuitScenario, Scan, Servo, WallFollowScenario
 
 __all__ = [

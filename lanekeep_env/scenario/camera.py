@@ -13,7 +13,8 @@ from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, sh
 from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads import RoadSpec, SetSpeeds, TurnOffRoads, YardRoads, set_speeds_from
-from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering_channels
+from lanekeep_env.scenario.base import Channel, Measured, steering_channels
+from lanekeep_env.scenario.road import RoadScenario
 from lanekeep_env.sensing.faults import CAMERA_CHANNELS, CAMERA_SENSOR_SETS, sensors_from
 
 
@@ -114,6 +115,10 @@ class CameraLaneScenario(RoadScenario):
     def axles(self) -> tuple[float, float]:
         """The reference point is the rear axle."""
         return self.vehicle.wheelbase, 0.0
+
+    def numbers(self) -> dict[int, Any]:
+        """The kernel's settings by row of `layout`."""
+        return {**super().numbers(), at.PREVIEW: self.plan, at.PREVIEW_DISTANCE: self.plan_spacing}
 
     @property
     def set_distance(self) -> float:

@@ -222,6 +222,15 @@ class DriveScenario(LaneKeepScenario):
         """The vehicle model."""
         return models.POWERED
 
+    def numbers(self) -> dict[int, Any]:
+        """The kernel's settings by row of `layout`."""
+        return {
+            **super().numbers(),
+            at.SLOPES: np.sin(self.slope),
+            at.WINDS: self.wind,
+            at.SPEED_REFERENCE: self.reference_speed_error,
+        }
+
     def _slowest(self) -> float:
         """It stops."""
         return 0.0

@@ -13,8 +13,9 @@ from lanekeep_env.checks import require
 from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads import EvasiveRoads, ParkingPaths, RoadSpec, SetSpeeds, SpeedSpec, set_speeds_from, speed_from
-from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering_channels
+from lanekeep_env.scenario.base import Channel, Measured, steering_channels
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario
+from lanekeep_env.scenario.road import RoadScenario
 from lanekeep_env.sensing.faults import MANOEUVRE_SENSOR_SETS, MEASURED_CHANNELS, sensors_from
 
 #: Reads the sensors of cars that are driven at 50 Hz.
@@ -91,6 +92,11 @@ class ReversePathScenario(RoadScenario):
     def model(self) -> models.CarModel:
         """The vehicle model."""
         return models.KINEMATIC_PACED
+
+    def numbers(self) -> dict[int, Any]:
+        """The kernel's settings by row of `layout`."""
+        preview = {at.PREVIEW: self.preview, at.PREVIEW_TIME: self.preview_interval}
+        return {**super().numbers(), **preview, at.BACKWARDS: 1.0}
 
     @property
     def axles(self) -> tuple[float, float]:

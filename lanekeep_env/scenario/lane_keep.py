@@ -14,7 +14,8 @@ from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.randomisation import FRICTION_SHARE
 from lanekeep_env.roads import LimitedSpeed, RoadSpec, RoadWorksRoads, SpeedSpec, road_set, speed_from
-from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering_channels
+from lanekeep_env.scenario.base import Channel, Measured, steering_channels
+from lanekeep_env.scenario.road import RoadScenario
 from lanekeep_env.sensing.faults import MEASURED_CHANNELS, SENSOR_SETS, sensors_from
 
 _MODELS = {
@@ -64,6 +65,14 @@ class LaneKeepScenario(RoadScenario):
     def model(self) -> models.CarModel:
         """The vehicle model."""
         return _MODELS[self.dynamics, self.tyre]
+
+    def numbers(self) -> dict[int, Any]:
+        """The kernel's settings by row of `layout`."""
+        return {**super().numbers(), at.PREVIEW: self.preview, at.PREVIEW_TIME: self.preview_interval}
+
+    @property
+    def _friction(self) -> float:
+        return self.friction
 
     def _slowest(self) -> float:
         """Lowest speed of the profile on any of the roads, where it is slowed down the most, m/s."""

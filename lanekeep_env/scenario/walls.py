@@ -13,17 +13,10 @@ import numpy as np
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
 from lanekeep_env.physics import models
-from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
-from lanekeep_env.randomisation import Randomisation, randomisation_from
+from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads.speed import SetSpeeds, set_speeds_from
-from lanekeep_env.scenario.base import (
-    Channel,
-    Measured,
-    ScenarioRecord,
-    check_speed,
-    multiple_of_step,
-    steering_channels,
-)
+from lanekeep_env.scenario.base import Channel, Measured, steering_channels
+from lanekeep_env.scenario.car import DEPARTURES, CarScenario, multiple_of_step
 from lanekeep_env.scenario.integration import Integration, rolling, slipping
 from lanekeep_env.sensing.faults import WALL_CHANNELS, WALL_SENSOR_SETS, sensors_from
 from lanekeep_env.walls import Corridor, RandomCircuits, WorldRecord, world_from
@@ -173,17 +166,15 @@ def range_from(name: str, value: Any) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class WallFollowScenario(ScenarioRecord):
+class WallFollowScenario(CarScenario):
     """Everything that defines `lanekeep/WallFollow-v0`; every field is a keyword of ``gym.make``.
 
+    The fields of `CarScenario` and these:
+
     Attributes:
-        vehicle: a name ("knightriders", "pses", ...), a mapping of changes to a named one, or `VehicleParameters`.
         dynamics: "kinematic" (no slip) or "dynamic" (sideslip, linear tyres; forwards only).
         world: the name of a generator, a mapping with its settings, or the path of a map_server map's YAML file.
         speed: m/s, or a mapping of `SetSpeeds`.
-        action: "steering_angle" or "steering_rate".
-        max_steering_angle: road-wheel angle that action 1 asks for, rad.
-        max_steering_rate: road-wheel speed that action 1 asks for, rad/s (rate mode).
         steering_offset: bounds (low, high) of what the road wheel has more than asked for, rad, drawn once an episode,
             or one number.
         servo: a mapping of `Servo`, or None.
@@ -191,13 +182,9 @@ class WallFollowScenario(ScenarioRecord):
         start_lateral_error: the start is drawn within this of ``set_distance``, m.
         start_heading_error: and within this angle of the centre line's direction, rad.
         contact: "terminate" ends the episode, "cost" goes on and charges, "off" ignores contacts.
-        reference_lateral_error, cost_weight, reference_steering_rate, cost_cap: of the running cost, as for roads.
         scan: of the depth camera: "none", "perfect", "kinect" or a mapping of `Scan`.
         encoder_ticks: of the wheel a turn, 0 for a continuous measurement (40 in the source, 8 its Hall sensor).
         encoder_direction: whether the encoder tells forwards from backwards (the Hall sensor does not).
-        observation: "measured", or "full" (adds lateral error, heading error, clearance, steering offset).
-        randomisation: as for roads.
-        episode_steps: control steps of an episode.
     """
 
     base_step: ClassVar[float] = 0.005
@@ -211,7 +198,6 @@ class WallFollowScenario(ScenarioRecord):
     speed: SetSpeeds = field(
         default_factory=lambda: SetSpeeds(0.3, 2.0, hold=None, standstill=0.0, lateral_acceleration=None)
     )
-    action: str = "steering_angle"
     max_steering_angle: float = math.radians(22.0)
     max_steering_rate: float = 3.0
     steering_offset: tuple[float, float] = (-math.radians(3.0), math.radians(3.0))
@@ -221,21 +207,15 @@ class WallFollowScenario(ScenarioRecord):
     start_heading_error: float = math.radians(20.0)
     contact: str = "terminate"
     reference_lateral_error: float = 0.1
-    cost_weight: float = 1.0
     reference_steering_rate: float = 2.0
-    cost_cap: float = 16.0
     scan: Scan = field(default_factory=Scan)
     encoder_ticks: int = 0
     encoder_direction: bool = True
-    observation: str = "measured"
-    randomisation: Randomisation = field(default_factory=Randomisation)
-    episode_steps: int = 600
 
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
-        "vehicle": vehicle_from,
+        **CarScenario._readers,
         "world": world_from,
         "speed": set_speeds_from,
-        "randomisation": randomisation_from,
         "scan": scan_from,
         "servo": servo_from,
         "steering_offset": partial(range_from, "steering_offset"),
@@ -244,38 +224,19 @@ class WallFollowScenario(ScenarioRecord):
 
     def _check(self) -> None:
         choose("dynamics", self.dynamics, ("kinematic", "dynamic"))
-        choose("action", self.action, ("steering_angle", "steering_rate"))
-        require("max_steering_angle", self.max_steering_angle, "rad", at_least=1e-4, at_most=1.5)
-        require("max_steering_rate", self.max_steering_rate, "rad/s", at_least=1e-4, at_most=1e3)
+        super()._check()
         self._check_angles()
         require("set_distance", self.set_distance, "m", above=0.0, at_most=ULTRASONIC[1])
         require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=1e3)
         require("start_heading_error", self.start_heading_error, "rad", at_least=0.0, at_most=math.pi)
-        choose("contact", self.contact, ("terminate", "cost", "off"))
-        require("reference_lateral_error", self.reference_lateral_error, "m", at_least=1e-4, at_most=1e3)
-        require("cost_weight", self.cost_weight, "", at_least=0.0, at_most=1e6)
-        require("reference_steering_rate", self.reference_steering_rate, "rad/s", at_least=1e-4, at_most=1e3)
-        require("cost_cap", self.cost_cap, "1/s", at_least=1e-6, at_most=1e6)
+        choose("contact", self.contact, DEPARTURES)
         require("encoder_ticks", self.encoder_ticks, "ticks a turn", at_least=0, at_most=1_000_000, whole=True)
         if not isinstance(self.encoder_direction, bool):
             raise ValueError(
                 f"encoder_direction={shown(self.encoder_direction)} is not allowed: it must be True or False"
             )
-        choose("observation", self.observation, ("measured", "full"))
-        require("control_step", self.control_step, "s", at_least=self.base_step, at_most=1.0)
-        multiple_of_step("control_step", self.control_step, self.base_step)
-        check_speed(self.speed.largest, self.randomisation)
-        require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=10_000_000, whole=True)
-        for channel, sensor in self.sensors:
-            sensor.check(channel, self.control_step)
-        multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay, self.base_step)
         multiple_of_step("scan.period", self.scan.period, self.control_step)
         self._check_turn(self.largest_speed or self.speed.maximum)
-
-    @property
-    def largest_cost(self) -> float:
-        """What a second costs at most, 1/s."""
-        return self.cost_cap
 
     @cached_property
     def integration(self) -> Integration:
@@ -288,7 +249,7 @@ class WallFollowScenario(ScenarioRecord):
     @property
     def _wheel_angle(self) -> float:
         """Largest angle that command and servo give the road wheel, rad."""
-        most = min(self.max_steering_angle, self.vehicle.steering.angle_limit or math.inf)
+        most = self.largest_angle
         servo = self.servo.table(most)
         return most if servo is None else float(np.abs(servo[1:]).max())
 
@@ -316,16 +277,6 @@ class WallFollowScenario(ScenarioRecord):
     def model(self) -> models.CarModel:
         """The vehicle model."""
         return models.KINEMATIC_PACED if self.dynamics == "kinematic" else models.LINEAR_PACED
-
-    @property
-    def axles(self) -> tuple[float, float]:
-        """Distance of the front and the rear axle from the centre of gravity, m."""
-        return self.vehicle.cg_to_front_axle, self.vehicle.cg_to_rear_axle
-
-    @property
-    def num_actions(self) -> int:
-        """Steering only."""
-        return 1
 
     @property
     def largest_speed(self) -> float:
@@ -365,6 +316,27 @@ class WallFollowScenario(ScenarioRecord):
         if round(self.scan.period / self.control_step) > 1:
             channels.append(Channel("scan_new", "", 0.0, 1.0, "1 where the scan is a new one, else 0", at.SCAN_NEW))
         return channels
+
+    def numbers(self) -> dict[int, Any]:
+        """The kernel's settings by row of `layout`."""
+        car, (front, rear) = self.vehicle, self.axles
+        ahead = 0.5 * (front - rear)
+        return {
+            **super().numbers(),
+            at.DEPARTURE: DEPARTURES[self.contact],
+            at.START_LATERAL: self.start_lateral_error,
+            at.START_HEADING: self.start_heading_error,
+            at.LARGEST_SPEED: self.largest_speed,
+            at.TASK: self.task,
+            at.SET_DISTANCE: self.set_distance,
+            at.TICK: 2.0 * math.pi * car.wheel_radius / self.encoder_ticks if self.encoder_ticks else 0.0,
+            at.SIGNLESS: not self.encoder_direction,
+            at.OFFSETS: self.steering_offset,
+            at.SIDE_ARM: 0.5 * car.wheelbase - rear,  # half the wheelbase ahead of the rear axle
+            at.BODY: (ahead, 0.5 * car.length, 0.5 * car.width),
+            at.FRONT_ARM: ahead + 0.5 * car.length,
+            at.FIRST_PREVIEW: self.column("scan_0"),
+        }
 
     _lateral_error: ClassVar[str] = "of the side sensor: distance of the right wall minus the set one"
 
@@ -426,6 +398,11 @@ class CircuitScenario(WallFollowScenario):
     def largest_cost(self) -> float:
         """What a second costs at most: twice that of standing still, 1/s."""
         return at.LARGEST_CIRCUIT_COST
+
+    def numbers(self) -> dict[int, Any]:
+        """The kernel's settings by row of `layout`."""
+        change = self.max_acceleration * self.integration.step
+        return {**super().numbers(), at.SPEED_HOLD: math.inf, at.SPEED_CHANGE: change, at.LAPS: self.laps}
 
     def _further(self) -> list[Channel]:
         return [Channel("speed_command", "m/s", -20.0, 20.0, "set speed that was asked for", at.SPEED_TARGET)]

@@ -1,0 +1,155 @@
+"""The arrays behind an environment, on roads as between walls: n cars, their keys, settings and starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium.utils import seeding
+
+from lanekeep_env import layout as at
+from lanekeep_env.checks import shown
+from lanekeep_env.sensing.measure import TRUTH
+
+#: Lanes that are advanced together: enough for SIMD, few enough for the first-level cache.
+BLOCK = 256
+
+
+class Lanes:
+    """State and settings of n cars, with the calls of the compiled kernel; a family adds where the cars are.
+
+    Args:
+        scenario: what defines the environment.
+        num_lanes: n.
+        dtype: "float64" or "float32", the precision of the simulation.
+        autoreset: `layout.NO_AUTORESET`, `NEXT_STEP` or `SAME_STEP`.
+        max_steps: control steps after which a lane is truncated; None leaves that to others.
+    """
+
+    outcome_rows: ClassVar[int]
+    #: What ``reset(options=...)`` may fix, in the order of the kernel's start rows.
+    start_options: ClassVar[tuple[str, ...]]
+    #: Row of the lanes that is infinite where no car is.
+    empty_row: ClassVar[int]
+    #: What `_bind` fetches and no pickle keeps.
+    bound: ClassVar[tuple[str, ...]]
+    #: Arrays that change while the cars drive.
+    moving: tuple[str, ...] = ("lanes", "counters")
+
+    step: Callable[..., None]
+    step_parallel: Callable[..., None]
+
+    def __init__(
+        self,
+        scenario: Any,
+        num_lanes: int,
+        dtype: str,
+        autoreset: int = at.NO_AUTORESET,
+        max_steps: int | None = None,
+    ) -> None:
+        self.scenario = scenario
+        self.dtype = dtype
+        self.num_lanes = num_lanes
+        self.num_actions = scenario.num_actions
+        self.num_channels = len(scenario.channels)
+        self.settings = self._settings()
+        self.settings[at.AUTORESET] = autoreset
+        self.settings[at.MAX_STEPS] = max_steps or np.inf
+        blocks = -(-num_lanes // BLOCK)
+        self.sensors = self._sensors()
+        rows = at.LANE_ROWS + int(self.settings[at.DELAY_DEPTH])
+        if self.sensors is not None:
+            rows += int((TRUTH + 1 + self.sensors[:, 4]).sum())
+        self.lanes = np.zeros((blocks, rows, -(-num_lanes // blocks)), dtype=dtype)
+        self.lanes[:, self.empty_row] = np.inf  # lanes that fill up the last block stand still
+        self.lanes[:, at.CAR : at.CAR + at.CAR_SIZE] = 1.0
+        self.counters = np.zeros((at.COUNTER_ROWS, num_lanes), dtype=np.int64)
+        self._free_start = np.full((at.START_ROWS, num_lanes), np.nan)
+        self.seeded = False
+
+    def _bind(self) -> None:
+        """Fetch what is not kept in a pickle: tables (large, constant) and compiled functions."""
+        raise NotImplementedError
+
+    def _settings(self) -> np.ndarray:
+        values = np.zeros(at.CHANNELS + at.CHANNEL_SIZE * self.num_channels, dtype=self.dtype)
+        for row, number in self.scenario.numbers().items():
+            values[row : row + np.size(number)] = number
+        values[at.CHANNELS :] = self.scenario.channel_table().ravel()
+        return values
+
+    def _sensors(self) -> np.ndarray | None:
+        """Numbers of the sensors, or None where all are perfect and always see."""
+        s = self.scenario
+        blind = (channel.sensor and (channel.sensor.valid or not channel.sensor.holds) for channel in s.channels)
+        return s.sensor_table().astype(self.dtype) if s.sensors or any(blind) else None
+
+    def _gear(self) -> np.ndarray | None:
+        """Numbers of the steering gear, (`layout.GEAR_SIZE`,), or None without backlash."""
+        steering = self.scenario.vehicle.steering
+        if steering.backlash == 0.0:
+            return None
+        return np.array([steering.backlash / 2, steering.feedback == "motor"], dtype=self.dtype)
+
+    @property
+    def state(self) -> tuple[Any, ...]:
+        """The kernel's arguments between the blocks and the action."""
+        raise NotImplementedError
+
+    def seed(self, seeds: Sequence[int | None]) -> None:
+        """Give lane i the base key of ``seeds[i]``, the first draw of Gymnasium's generator for that seed."""
+        for i, seed in enumerate(seeds):
+            if seed is not None or not self.seeded:
+                self.set_key(i, seeding.np_random(seed)[0])
+        self.seeded = True
+
+    def set_key(self, lane: int, generator: np.random.Generator) -> None:
+        """Draw a lane's base key and start to count its episodes."""
+        self.counters[at.KEY, lane] = generator.integers(0, 2**64, dtype=np.uint64).astype(np.int64)
+        self.counters[at.EPISODE, lane] = -1
+
+    def check_state(self, state: Mapping[str, np.ndarray]) -> None:
+        """Raise ValueError for a state, of the right shapes, that no lane has."""
+        raise NotImplementedError
+
+    def _start(self, options: dict[str, Any]) -> np.ndarray:
+        """Read reset options; return the kernel's start rows, NaN where an episode draws."""
+        allowed = self.start_options
+        start = np.full((at.START_ROWS, self.num_lanes), np.nan)
+        if not isinstance(options, dict):
+            raise ValueError(f"reset options={shown(options)} must be a mapping; allowed: {', '.join(allowed)}")
+        for key, value in options.items():
+            if key not in allowed:
+                raise ValueError(f"reset option {shown(key)} is unknown; allowed: {', '.join(allowed)}")
+            row = allowed.index(key)
+            try:
+                start[row] = np.asarray(value, dtype=np.float64)
+            except (TypeError, ValueError, OverflowError):
+                raise ValueError(
+                    f"reset option {key}={shown(value)} must be a number or one number a lane ({self.num_lanes})"
+                ) from None
+            if not np.isfinite(start[row]).all():
+                raise ValueError(f"reset option {key}={shown(value)} must be finite; leave it out to have it drawn")
+        self._check_place(start)
+        if np.any(np.abs(start[:2]) > [[20.0], [np.pi]]):
+            raise ValueError("reset options lateral_error and heading_error must be within 20 m and pi rad")
+        return start
+
+    def _check_place(self, start: np.ndarray) -> None:
+        """Raise ValueError where the last two start rows name a place that does not exist."""
+        raise NotImplementedError
+
+    def __getstate__(self) -> dict[str, Any]:
+        dropped = (*self.bound, "equipment", "step", "step_parallel")
+        return {k: v for k, v in self.__dict__.items() if k not in dropped}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._bind()
+
+
+def check_index(start: np.ndarray, name: str, count: int) -> None:
+    """Raise ValueError unless the numbers (NaN for none) are whole ones from 0 to ``count`` - 1."""
+    if np.any((start < 0) | (start >= count) | (start % 1 > 0)):
+        raise ValueError(f"reset option {name} must be a whole number from 0 to {count - 1}")

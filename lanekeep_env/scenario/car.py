@@ -1,0 +1,162 @@
+"""What scenarios of a single car share, on roads and between walls: vehicle, action, cost, randomisation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from lanekeep_env import layout as at
+from lanekeep_env.checks import choose, require
+from lanekeep_env.physics.integrate import DRIVEN, LARGEST_SPEED
+from lanekeep_env.physics.models import CarModel
+from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
+from lanekeep_env.randomisation import Randomisation, randomisation_from
+from lanekeep_env.roads.speed import LimitedSpeed, SpeedSpec
+from lanekeep_env.scenario.base import ScenarioRecord
+
+ACTIONS = {"steering_angle": at.STEERING_ANGLE, "steering_rate": at.STEERING_RATE}
+#: What a departure or a contact does.
+DEPARTURES = {"terminate": at.TERMINATE, "cost": at.COST, "off": at.OFF}
+
+
+@dataclass(frozen=True)
+class CarScenario(ScenarioRecord):
+    """A car; every field is a keyword of ``gym.make``. Subclasses add where it drives, and what their task needs.
+
+    Attributes:
+        vehicle: a name (`VEHICLES`), a mapping of changes to a named one (``{"base": "yin", "mass": 2000.0}``)
+            or `VehicleParameters`.
+        speed: m/s, or a mapping; see the subclass.
+        action: "steering_angle" (the action is the road-wheel angle asked for) or "steering_rate".
+        max_steering_angle: road-wheel angle that action 1 asks for, rad; also bounds the command in rate mode.
+        max_steering_rate: road-wheel speed that action 1 asks for, rad/s (rate mode).
+        reference_lateral_error, cost_weight, reference_steering_rate, cost_cap: m, w, rad/s and 1/s of the
+            running cost min(cap, (d / reference)² + w (road-wheel speed / reference)²).
+        observation: "measured" (what sensors give) or "full" (adds channels of the true state).
+        randomisation: what differs from episode to episode: "nominal", "mismatch", "stress" or a mapping of
+            bounds (see `Randomisation`).
+        episode_steps: control steps of an episode: it is truncated after them, and a departure or a contact is charged
+            for the rest of them. ``max_episode_steps`` of ``gym.make`` can only shorten an episode; give both for
+            longer ones.
+    """
+
+    vehicle: VehicleParameters = VEHICLES["yin"]
+    speed: SpeedSpec = field(default_factory=LimitedSpeed)
+    action: str = "steering_angle"
+    max_steering_angle: float = 0.15
+    max_steering_rate: float = 0.4
+    reference_lateral_error: float = 0.5
+    cost_weight: float = 1.0
+    reference_steering_rate: float = 0.1
+    cost_cap: float = 16.0
+    observation: str = "measured"
+    randomisation: Randomisation = field(default_factory=Randomisation)
+    episode_steps: int = 600
+
+    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {"vehicle": vehicle_from, "randomisation": randomisation_from}
+
+    def _check(self) -> None:
+        choose("action", self.action, ACTIONS)
+        require("max_steering_angle", self.max_steering_angle, "rad", at_least=1e-4, at_most=1.5)
+        require("max_steering_rate", self.max_steering_rate, "rad/s", at_least=1e-4, at_most=1e3)
+        require("reference_lateral_error", self.reference_lateral_error, "m", at_least=1e-4, at_most=1e3)
+        require("cost_weight", self.cost_weight, "", at_least=0.0, at_most=1e6)
+        require("reference_steering_rate", self.reference_steering_rate, "rad/s", at_least=1e-4, at_most=1e3)
+        require("cost_cap", self.cost_cap, "1/s", at_least=1e-6, at_most=1e6)
+        choose("observation", self.observation, ("measured", "full"))
+        require("control_step", self.control_step, "s", at_least=self.base_step, at_most=1.0)
+        multiple_of_step("control_step", self.control_step, self.base_step)
+        multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay, self.base_step)
+        check_speed(self.speed.largest, self.randomisation)
+        require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=10_000_000, whole=True)
+        for channel, sensor in self.sensors:
+            sensor.check(channel, self.control_step)
+
+    @property
+    def model(self) -> CarModel:
+        """The vehicle model."""
+        raise NotImplementedError
+
+    @property
+    def axles(self) -> tuple[float, float]:
+        """Distance of the front and the rear axle from the reference point, whose errors are lateral and heading, m."""
+        return self.vehicle.cg_to_front_axle, self.vehicle.cg_to_rear_axle
+
+    @property
+    def largest_angle(self) -> float:
+        """Largest angle of the road wheel that can be commanded, rad."""
+        return min(self.max_steering_angle, self.vehicle.steering.angle_limit or math.inf)
+
+    @property
+    def largest_cost(self) -> float:
+        """What a second costs at most, 1/s."""
+        return self.cost_cap
+
+    @property
+    def num_actions(self) -> int:
+        """Steering only."""
+        return 1
+
+    def numbers(self) -> dict[int, Any]:
+        """The kernel's settings by row of `layout`: a number, or those of this row and the following ones."""
+        car, steering, step = self.vehicle, self.vehicle.steering, self.integration.step
+        substeps = round(self.control_step / step)
+        longest = steering.delay + self.randomisation.steering_delay[1]
+        rate_mode = self.action == "steering_rate"
+        return {
+            at.STEP_TIME: step,
+            at.SUBSTEPS: substeps,
+            at.SLIPS: self.model.slips,
+            at.SATURATES: self.model.saturates,
+            at.FRONT_SPEED: self.model.front_speed,
+            at.POWERED: self.model.pace == DRIVEN,
+            at.IDEAL_STEERING: steering.lag == 0.0 and steering.rate_limit is None,
+            at.ACTION_KIND: ACTIONS[self.action],
+            at.ACTION_SCALE: self.max_steering_rate if rate_mode else self.max_steering_angle,
+            at.COMMAND_LIMIT: self.largest_angle,
+            at.COST_LATERAL: self.reference_lateral_error,
+            at.COST_WEIGHT: self.cost_weight,
+            at.COST_RATE: self.reference_steering_rate,
+            at.COST_CAP: self.cost_cap,
+            at.FULL: self.observation == "full",
+            at.NOMINAL: (
+                car.mass,
+                car.yaw_inertia,
+                *self.axles,
+                car.front_cornering_stiffness,
+                car.rear_cornering_stiffness,
+                self._friction,
+                steering.lag,
+                math.inf if steering.rate_limit is None else steering.rate_limit,
+                steering.delay,
+            ),
+            at.RANGES: self.randomisation.bounds(),
+            at.DELAY_DEPTH: round(longest / step) // substeps + 2 if longest > 0.0 else 0,
+            at.HORIZON: self.episode_steps,
+            **self.speed.numbers(self.control_step, step),
+        }
+
+    @property
+    def _friction(self) -> float:
+        """Road friction coefficient."""
+        return 1.0
+
+
+def check_speed(largest: float, drawn: Randomisation) -> None:
+    """Raise ValueError where an episode's car would go faster than `LARGEST_SPEED`."""
+    if largest * drawn.speed[1] > LARGEST_SPEED:
+        raise ValueError(
+            f"randomisation.speed={drawn.speed!r} is not allowed: of {largest:g} m/s that is more than "
+            f"{LARGEST_SPEED:g} m/s; it must be <= {LARGEST_SPEED / largest:.3g}"
+        )
+
+
+def multiple_of_step(name: str, seconds: float, step: float) -> None:
+    """Raise ValueError unless ``seconds`` is a multiple of ``step``."""
+    steps = round(seconds / step)
+    if abs(seconds - steps * step) > 1e-9:
+        raise ValueError(
+            f"{name}={seconds!r} is not allowed: it must be a multiple of {step} s (the nearest is {steps * step:g} s)"
+        )

@@ -1,0 +1,85 @@
+"""A car on a road: where it starts, how far it may leave its lane, and how slow and fast it gets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+from lanekeep_env import layout as at
+from lanekeep_env.checks import choose, require
+from lanekeep_env.roads import RandomRoads, RoadSpec, road_from
+from lanekeep_env.scenario.car import DEPARTURES, CarScenario
+from lanekeep_env.scenario.integration import Integration, rolling, slipping
+
+
+@dataclass(frozen=True)
+class RoadScenario(CarScenario):
+    """A car on a road: the fields of `CarScenario` and these. Subclasses add what their task needs.
+
+    Attributes:
+        road: the name of a generator, a mapping with its settings, or the path of a centre-line CSV file. Open ones are
+            entered ``episode_steps`` before their end.
+        start_lateral_error: the start is drawn within this distance of the lane's centre, m.
+        start_course_error: the course at the start is drawn within this angle of the road's, rad.
+        lane_width: m; the car departs when its reference point is more than half of it off the centre.
+        departure: "terminate" ends the episode, "cost" goes on and charges, "off" ignores departures.
+    """
+
+    road: RoadSpec = field(default_factory=RandomRoads)
+    start_lateral_error: float = 0.5
+    start_course_error: float = math.radians(2.0)
+    lane_width: float = 3.5
+    departure: str = "terminate"
+
+    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {**CarScenario._readers, "road": road_from}
+    #: The first of the channels that show the road ahead.
+    preview_channel: ClassVar[str] = "curvature_preview_0"
+    #: How much road a picture shows, m.
+    view: ClassVar[float] = 100.0
+
+    def _check(self) -> None:
+        require("lane_width", self.lane_width, "m", at_least=1e-3, at_most=1e3)
+        limit = self.departure_limit
+        require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=limit)
+        require("start_course_error", self.start_course_error, "rad", at_least=0.0, at_most=1.0)
+        choose("departure", self.departure, DEPARTURES)
+        super()._check()
+
+    @property
+    def departure_limit(self) -> float:
+        """Lateral error beyond which the car has left its lane, m."""
+        return self.lane_width / 2
+
+    @cached_property
+    def integration(self) -> Integration:
+        """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
+        if self.model.slips:
+            return slipping(self.vehicle, self.randomisation, self.base_step, self._slowest, self._fastest)
+        return rolling(self.vehicle, self.base_step, self._fastest, self.largest_angle)
+
+    def _slowest(self) -> float:
+        """Lowest speed that an episode can have, m/s; builds the roads."""
+        return 0.0
+
+    @property
+    def _fastest(self) -> float:
+        """Largest one."""
+        return self.speed.largest * self.randomisation.speed[1]
+
+    def numbers(self) -> dict[int, Any]:
+        """The kernel's settings by row of `layout`."""
+        return {
+            **super().numbers(),
+            at.HALF_LANE: self.departure_limit,
+            at.DEPARTURE: DEPARTURES[self.departure],
+            at.START_LATERAL: self.start_lateral_error,
+            at.START_HEADING: self.start_course_error,
+            at.LATERAL_LIMIT: self.speed.lateral_limit,
+            at.FIRST_PREVIEW: self.column(self.preview_channel),
+        }
+
+    def _fingerprint(self) -> dict[str, Any]:
+        return {**super()._fingerprint(), "road": self.road.fingerprint()}
