@@ -22,11 +22,11 @@ ANEW = "name another folder, or start anew there with --overwrite instead of --r
 _ADVICE = {
     "version": "install that version",
     "code": "restore lanekeep_env, lanekeep_baselines, lanekeep_agents and evaluate.py as they were when the run began",
-    "suite": "leave the suite and --road out",
+    "suite": "leave the suite and --road out, and its file as it was when the run began",
     "policies": "leave --policies out",
     "episodes": "leave --episodes out",
     "seed": "leave --seed out",
-    "scenario_hash": "restore the scenario, or its road file, as it was when the run began",
+    "scenario_hash": "restore the scenario, or the file of its suite or road, as it was when the run began",
     "policy_sha256": "restore the policy's file as it was when the run began",
 }
 
@@ -49,7 +49,8 @@ def code_hash() -> str:
 class RunRecord:
     """Everything that fixes the result lines of a run and their order in the report.
 
-    ``road`` is the file's path; ``policy_sha256`` tells learned policies from others of their name.
+    ``road`` and ``suite_file`` are paths of files, None where the package's own is driven; ``policy_sha256`` tells
+    learned policies from others of their name.
     """
 
     version: str
@@ -61,6 +62,7 @@ class RunRecord:
     seed: int
     scenario_hash: Mapping[str, str]
     policy_sha256: Mapping[str, str] = field(default_factory=dict)
+    suite_file: str | None = None
 
     def to_json(self) -> str:
         """The content of `run.json`."""
@@ -86,7 +88,7 @@ class RunRecord:
             raise ValueError(f"{file} is not the record of a run ({error}); {ANEW}") from None
 
     def differences(self, found: RunRecord) -> list[Difference]:
-        """Return where the record in a folder is not this one; where the road file lies does not matter."""
+        """Return where the record in a folder is not this one; where road and suite files lie does not matter."""
         names = ("version", "code", "suite", "policies", "episodes", "seed")
         pairs: list[Difference] = [(name, getattr(found, name), getattr(self, name)) for name in names]
         hashes = ["scenario_hash"] if found.suite == self.suite else []
