@@ -18,7 +18,7 @@ from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder, default_fo
 from lanekeep_benchmarks.run_record import RunRecord, code_hash
 from lanekeep_benchmarks.suites import ENDING, Suite, find_suite, road_suite
 from lanekeep_benchmarks.summary import rows_of, summarise
-from lanekeep_env.checks import require, shown
+from lanekeep_env.checks import require
 from lanekeep_env.scenario import RoadScenario
 
 
@@ -115,7 +115,7 @@ def make_plan(suite: str | None, policies: str | None, road: Path | None, episod
         raise ValueError(f"suite {suite!r} and --road {road} exclude each other; give one of them")
     chosen = find_suite(suite or "classical") if road is None else road_suite(road)
     file = suite if suite is not None and suite.endswith(ENDING) else None
-    where = f"suite {shown(file or chosen.name)}"
+    where = f"suite {file or chosen.name}"
     definitions = make_definitions(chosen, where)
     names = policies_of(chosen, definitions.values(), where) if policies is None else policy_names(policies)
     plan = Plan(chosen, names, episodes or chosen.episodes, seed, road, file)

@@ -43,7 +43,7 @@ def find_suite(name: str) -> Suite:
     suite = read_suite(name)
     if suite.name in SUITES or suite.name.startswith(OWN_ROAD):
         raise ValueError(
-            f"suite {shown(name)}: name={suite.name!r} is not allowed: {', '.join(SUITES)} and {OWN_ROAD}... are the "
-            "package's"
+            f"suite {name}: name={suite.name!r} is not allowed: the package's own have the names "
+            f"{', '.join(SUITES)} and {OWN_ROAD}..."
         )
     return suite

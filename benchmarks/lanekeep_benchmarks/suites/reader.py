@@ -16,7 +16,7 @@ from lanekeep_env.files import read_bounded
 
 #: How the path of a suite's file ends.
 ENDING = ".toml"
-#: Bytes and characters of a line beyond which it is not read: the package's own have a twentieth of them.
+#: Bytes, and characters of a line, beyond which it is not read; the package's own have some 3000 and 120.
 LARGEST_FILE, LONGEST_LINE = 1 << 16, 1000
 #: Levels of lists and tables in each other that a keyword may have.
 DEEPEST = 8
@@ -57,9 +57,9 @@ def read_suite(path: str | Path) -> Suite:
     try:
         return _suite(_parse(read_bounded(path, LARGEST_FILE)))
     except ValueError as error:
-        raise ValueError(f"suite {shown(str(path))}: {error}") from None
+        raise ValueError(f"suite {path}: {error}") from None
     except OSError as error:
-        raise ValueError(f"suite {shown(str(path))}: {error.strerror}; allowed: the path of a {ENDING} file") from None
+        raise ValueError(f"suite {path}: {error.strerror}; allowed: the path of a {ENDING} file") from None
 
 
 def _parse(content: bytes) -> dict[str, Any]:
@@ -70,7 +70,7 @@ def _parse(content: bytes) -> dict[str, Any]:
         number = content.count(b"\n", 0, error.start) + 1
         raise ValueError(f"line {number} is not UTF-8") from None
     for number, line in enumerate(text.split("\n"), start=1):
-        if len(line) > LONGEST_LINE:  # a key of thousands of parts takes minutes
+        if len(line) > LONGEST_LINE:  # a key of thousands of parts would take a minute
             raise ValueError(f"line {number} has {len(line)} characters, allowed are {LONGEST_LINE}")
     try:
         return tomllib.loads(text)
@@ -79,8 +79,6 @@ def _parse(content: bytes) -> dict[str, Any]:
         raise ValueError(f"it is not TOML: {_cut(what)} (at {place}") from None
     except RecursionError:
         raise ValueError(f"it is nested deeper than {DEEPEST} levels") from None
-    except ValueError:  # Python reads some thousands of digits at the most
-        raise ValueError("a number has thousands of digits; allowed are those of 64 bits") from None
 
 
 def _suite(table: dict[str, Any]) -> Suite:
