@@ -6,6 +6,7 @@ import difflib
 import math
 import reprlib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import fields
 from numbers import Real
 from typing import Any, TypeVar
@@ -20,6 +21,12 @@ def shown(value: Any) -> str:
     """Return ``repr(value)`` on one line for an error, cut where it is long, whatever the value is."""
     text = " ".join(_SHORT.repr(value).split())
     return text if len(text) <= LONGEST_ECHO else f"{text[: LONGEST_ECHO - 3]}..."
+
+
+def shown_path(path: Any) -> str:
+    """Return a path as it is for an error, or as `shown` where it is not printable or longer than anybody's."""
+    text = str(path)
+    return text if text.isprintable() and len(text) < 1000 else shown(text)
 
 
 class _Short(reprlib.Repr):
@@ -105,7 +112,8 @@ def plain_numbers(record: Any) -> None:
     for f in fields(record):
         value = getattr(record, f.name)
         if isinstance(value, Real) and not isinstance(value, bool):
-            if str(f.type).startswith("float"):
-                object.__setattr__(record, f.name, float(value))
-            elif str(f.type).startswith("int"):
-                object.__setattr__(record, f.name, int(float(value)))
+            with suppress(OverflowError):  # what no float can hold is left to the record's own check
+                if str(f.type).startswith("float"):
+                    object.__setattr__(record, f.name, float(value))
+                elif str(f.type).startswith("int"):
+                    object.__setattr__(record, f.name, int(float(value)))

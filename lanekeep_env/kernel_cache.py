@@ -97,15 +97,15 @@ class KernelCache:
         except Exception:
             return
 
-    def _folder(self, print_: str) -> Path:
-        return cache_root() / print_[:16]
+    def _folder(self, hashed: str) -> Path:
+        return cache_root() / hashed[:16]
 
     def _place(self, signature: Any, codegen: Any) -> tuple[bytes, Path]:
         """Return the key of what is compiled, for which types and which processor, and its file."""
-        print_ = fingerprint(self._compiled)
-        key = hashlib.sha256("\0".join((print_, str(signature), *map(str, codegen.magic_tuple()))).encode())
+        hashed = fingerprint(self._compiled)
+        key = hashlib.sha256("\0".join((hashed, str(signature), *map(str, codegen.magic_tuple()))).encode())
         name = re.sub(r"\W", "", self._compiled.py_func.__name__)
-        return key.digest(), self._folder(print_) / f"{name}-{key.hexdigest()[:16]}.nbc"
+        return key.digest(), self._folder(hashed) / f"{name}-{key.hexdigest()[:16]}.nbc"
 
 
 def _payload(path: Path, key: bytes) -> bytes | None:

@@ -79,7 +79,12 @@ LEAD_GAP = 65  # to the car ahead, m; FAR for none
 LEAD_SPEED = 66  # m/s
 STOP_GAP = 67  # to the stop point, m; FAR for none
 EVENT = 68  # number of the timeline's next event
-LANE_ROWS = 69  # further rows, as many as needed: commands (newest first), then the sensors' rows
+CURVATURE_HERE = 69  # of the road at the car, 1/m; where the observation is full
+# Between walls, of the control step:
+ERROR = 70  # lateral, m
+TURNED = 71  # heading error, rad
+SCAN_NEW = 72  # 1 where the scan was renewed
+LANE_ROWS = 73  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the lane (a uint64, reinterpreted)
@@ -110,7 +115,7 @@ S_LENGTH = 3  # m
 # settings: one float vector, constant for a scenario
 STEP_TIME = 0  # integration step h, s
 SUBSTEPS = 1
-MODEL = 2
+SLIPS = 2  # 1 where the car has tyres
 IDEAL_STEERING = 3
 DELAY_DEPTH = 4  # commands remembered, 0 without delay
 ACTION_KIND = 5
@@ -156,8 +161,12 @@ BACKWARDS = 68  # 1 where the car drives the road from its end to its start
 SLOPES = 69  # low and high of the sine of the road's rise
 WINDS = 71  # low and high of the headwind, m/s
 SPEED_REFERENCE = 73  # reference speed error of the running cost, m/s
-SLIP_FLOOR = 74  # the slip-speed floor, m/s
-BOUNDS = 75  # low and high of each channel follow, channel by channel
+SATURATES = 74  # 1 where friction limits the speed profile
+FRONT_SPEED = 75  # 1 where the speed is the front wheels'
+POWERED = 76  # 1 where the speed at the start is the one that is set
+FIRST_PREVIEW = 77  # channel of the first preview sample, or beam of the scan
+CHANNELS = 78  # low, high and source (a row of the lanes, -1 for none) of each channel follow, channel by channel
+CHANNEL_SIZE = 3
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 FAULTS = 8  # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample
@@ -237,7 +246,6 @@ CAMERA_WIDEST = 2  # largest distance, either side, inside the field of view, m
 CAMERA_SIZE = 3
 
 # values of the switches
-KINEMATIC, LINEAR, MAGIC_FORMULA, FRONT_DRIVEN, KINEMATIC_PACED, DRIVEN = 0, 1, 2, 3, 4, 5
 STEERING_ANGLE, STEERING_RATE = 0, 1
 TERMINATE, COST, OFF = 0, 1, 2
 WALL_FOLLOW, CIRCUIT = 0, 1

@@ -37,10 +37,9 @@ def _drives(name: str, scenario: Scenario) -> bool:
 
     record = read_record(_zoo() / f"{name}.json")
     try:
-        Binding(record, scenario)
-    except (ValueError, ModuleNotFoundError):  # the latter: what designs the base is not installed
+        return Binding(record, scenario).has_base()
+    except ValueError:
         return False
-    return True
 
 
 def load(name_or_path: str | Path, scenario: Scenario | None = None, *, allow_files: bool = False) -> LearnedPolicy:

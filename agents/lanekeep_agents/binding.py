@@ -56,7 +56,6 @@ class Binding:
     Attributes:
         columns: of the scenario's observation, in the order of the policy's inputs.
         width: channels of the scenario.
-        base: the classical policy that is corrected, made for the action that the record was trained on, or None.
 
     Raises:
         ValueError: the scenario lacks a channel or means something else by it, or has another control step or
@@ -84,23 +83,34 @@ class Binding:
                 f"policy {record.name!r} needs the channel 'steering_command' to turn its {record.action} into the "
                 f"scenario's {scenario.action}; channels: {one_line(', '.join(order))}"
             )
-        self.base = None if record.base is None else self._make_base(record.base)
 
-    def _make_base(self, name: str) -> lanekeep_baselines.Policy:
-        """Make the base for the action trained on, so that both of its meanings, input and sum, stay the same."""
-        scenario: Any = self._scenario
+    def has_base(self) -> bool:
+        """Tell whether there is a base that can drive the scenario, or none is asked for; nothing is designed."""
+        name = self._record.base
+        return name is None or name in lanekeep_baselines.names(self._base_scenario())
+
+    def make_base(self) -> lanekeep_baselines.Policy | None:
+        """Make the classical policy that is corrected, None where there is none; ValueError where it cannot drive."""
         record = self._record
+        if record.base is None:
+            return None
         try:
-            if self._converts:
-                scenario = replace(
-                    scenario,
-                    action=record.action,
-                    max_steering_angle=record.max_steering_angle,
-                    max_steering_rate=record.max_steering_rate,
-                )
-            return lanekeep_baselines.make(name, scenario)
+            return lanekeep_baselines.make(record.base, self._base_scenario())
         except (ValueError, ArithmeticError) as error:
-            raise ValueError(f"policy {record.name!r}: base={shown(name)}: {one_line(error)}") from None
+            raise ValueError(f"policy {record.name!r}: base={shown(record.base)}: {one_line(error)}") from None
+
+    def _base_scenario(self) -> Any:
+        """The scenario with the action trained on, so that both meanings of the base, input and sum, stay the same."""
+        record = self._record
+        scenario: Any = self._scenario
+        if not self._converts:
+            return scenario
+        return replace(
+            scenario,
+            action=record.action,
+            max_steering_angle=record.max_steering_angle,
+            max_steering_rate=record.max_steering_rate,
+        )
 
     def convert(self, action: NDArray[np.float32], observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return actions in [-1, 1] that ask the scenario for what the policy asked its own one for.

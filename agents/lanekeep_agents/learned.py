@@ -45,6 +45,7 @@ class LearnedPolicy:
         self.record = record
         self.name = record.name
         self._bound = Binding(record, scenario, allow_files=allow_files)
+        self._base = self._bound.make_base()
         variance = tensors["variance"].astype(np.float64)
         # What is added to or multiplied by blocks has their shape: numpy then runs through a block at once.
         self._mean = _block(tensors["mean"])
@@ -83,10 +84,10 @@ class LearnedPolicy:
             )
         rows = given[None] if given.ndim == 1 else given
         following = None
-        if self._bound.base is None:
+        if self._base is None:
             action = self._network(rows, None)
         else:
-            base, following = self._bound.base.predict(observation, state, episode_start)
+            base, following = self._base.predict(observation, state, episode_start)
             base = base.reshape(len(rows), self.record.actions).clip(-1.0, 1.0)
             action = self._network(rows, base)
             action *= np.float32(self.record.bound)

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from lanekeep_baselines.policy import Policy, Scenario
-from lanekeep_env.checks import nearest
+from lanekeep_baselines.policy import Policy, Scenario, SteeringPolicy
+from lanekeep_env.checks import nearest, shown
 
 __all__ = ["Policy", "Scenario", "make", "names"]
 
-# Modules are imported when a policy is made: `pd` runs without python-control, and names() costs nothing.
+# Modules import the packages of their designs where they design: what they declare is read without them.
 _POLICIES = {
     "pd": "pd:ProportionalDerivative",
     "pure-pursuit": "pure_pursuit:PurePursuit",
@@ -61,11 +61,14 @@ def names(scenario: Scenario | None = None) -> tuple[str, ...]:
 
 
 def _drives(name: str, scenario: Scenario) -> bool:
-    try:
-        make(name, scenario)
-    except (ValueError, ModuleNotFoundError):
-        return False
-    return True
+    policy = _class_of(name)
+    return not policy.lacking(scenario) and not policy.missing_package()
+
+
+def _class_of(name: str) -> type[SteeringPolicy]:
+    module, policy = _POLICIES[name].split(":")
+    found: type[SteeringPolicy] = getattr(import_module(f"lanekeep_baselines.{module}"), policy)
+    return found
 
 
 def make(name: str, scenario: Scenario) -> Policy:
@@ -76,25 +79,11 @@ def make(name: str, scenario: Scenario) -> Policy:
         ModuleNotFoundError: the controller's design needs a package of the extra `lanekeep[baselines]`.
     """
     if name not in _POLICIES:
-        raise ValueError(f"policy={name!r} is unknown{nearest(name, _POLICIES)}; allowed: {', '.join(_POLICIES)}")
-    if not hasattr(scenario, "channels"):
-        raise ValueError(f"scenario={scenario!r} is none; pass env.unwrapped.scenario")
-    module, record = _POLICIES[name].split(":")
-    try:
-        build = getattr(import_module(f"lanekeep_baselines.{module}"), record)
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] not in ("control", "scipy"):
-            raise
+        raise ValueError(f"policy={shown(name)} is unknown{nearest(name, _POLICIES)}; allowed: {', '.join(_POLICIES)}")
+    policy = _class_of(name)
+    package = policy.missing_package()
+    if package:
         raise ModuleNotFoundError(
-            f'policy {name!r} needs the package {error.name!r}: pip install "lanekeep[baselines]"', name=error.name
-        ) from error
-    try:
-        policy: Policy = build(scenario)
-    except AttributeError as error:
-        if error.obj is not scenario:
-            raise
-        raise ValueError(
-            f"policy {name!r} is not for {type(scenario).__name__}, which has no {error.name!r}; "
-            "allowed: what names(scenario) lists"
-        ) from error
-    return policy
+            f'policy {name!r} needs the package {package!r}: pip install "lanekeep[baselines]"', name=package
+        )
+    return policy(scenario)

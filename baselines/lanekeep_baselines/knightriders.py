@@ -45,7 +45,7 @@ def wall_car(scenario: WallScenario) -> WallCar:
 class WallPolicy(SteeringPolicy):
     """A `WallControl` on the channels; subclasses make it."""
 
-    needs: ClassVar[tuple[str, ...]] = ("distance_right", "speed", "heading_error", "yaw_rate")
+    reads: ClassVar[tuple[str, ...]] = ("distance_right", "speed", "heading_error", "yaw_rate")
     #: Whether the gains are in degrees per metre.
     driven: ClassVar[bool] = False
 
@@ -80,7 +80,7 @@ class KnightRidersPi(WallPolicy):
     """`knightriders-pi`: PI by root locus (3.3), gains recomputed with the speed."""
 
     name = "knightriders-pi"
-    needs = ("distance_right", "speed")
+    reads = ("distance_right", "speed")
 
     def make(self, car: WallCar, limit: float) -> WallControl:
         return Pi(car, limit)
@@ -142,7 +142,7 @@ class KnightRidersPd(WallPolicy):
     """`knightriders-pd`: the competition's PD (3.6) in rad per metre, which is unstable."""
 
     name = "knightriders-pd"
-    needs = ("distance_right", "speed")
+    reads = ("distance_right", "speed")
 
     def make(self, car: WallCar, limit: float) -> WallControl:
         return Pd(car, limit, pd_design(car.step))
@@ -163,7 +163,7 @@ class KnightRidersCascadeKalman(SteeringPolicy):
     """
 
     name = "knightriders-cascade-kalman"
-    needs = ("distance_right", "speed", "yaw_rate", "steering_command")
+    reads = ("distance_right", "speed", "yaw_rate", "steering_command")
 
     def __init__(self, scenario: WallScenario) -> None:
         super().__init__(scenario)

@@ -73,7 +73,8 @@ class KnightRidersCircuit(DrivingPolicy):
     """`knightriders-circuit`: along the walls and round the corners of a rectangular circuit."""
 
     name = "knightriders-circuit"
-    needs = ("distance_right", "distance_left", "yaw_rate", "speed", "steering_command", "scan_0")
+    reads = ("distance_right", "distance_left", "yaw_rate", "speed", "steering_command", "scan_0")
+    uses = ("scan_*",)
 
     #: Radius of the corners, m: 19.3 degrees of steering at the source's car, which leaves 1.7 beyond an offset of 1.
     RADIUS: ClassVar[float] = 1.0

@@ -15,9 +15,10 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from lanekeep_baselines.declared import Need
 from lanekeep_baselines.lq_design import Cost, Estimated, Measuring, Weights, gains, on_samples
 from lanekeep_baselines.lq_model import STATES, StepModel, steady_sideslip
-from lanekeep_baselines.policy import Floats, LaneScenario, SteeringPolicy
+from lanekeep_baselines.policy import Floats, LaneScenario, PreviewScenario, SteeringPolicy
 from lanekeep_baselines.table import Table, weighted_sum
 from lanekeep_env.sensing.faults import Sensors
 
@@ -44,6 +45,31 @@ class CostScenario(LaneScenario, Protocol):
     def sensors(self) -> Sensors: ...
 
 
+def _samples(scenario: PreviewScenario) -> tuple[str, ...]:
+    """Return the channels of the road ahead."""
+    return tuple(channel.name for channel in scenario.channels if channel.name.startswith("curvature_preview_"))
+
+
+def _reach(scenario: PreviewScenario) -> float:
+    """Return how far the road ahead is shown, s."""
+    return max(len(_samples(scenario)) - 1, 0) * scenario.preview_interval
+
+
+def _lacking_preview(scenario: PreviewScenario) -> str:
+    reach = _reach(scenario)
+    if reach >= SHORTEST_PREVIEW - 1e-9:
+        return ""
+    least = 1 + math.ceil(SHORTEST_PREVIEW / scenario.preview_interval - 1e-9)
+    return (
+        f"{SHORTEST_PREVIEW:g} s of curvature preview, the scenario shows {reach:g} s: "
+        f"make it with preview={least} or more"
+    )
+
+
+#: What those who know the road need.
+_PREVIEW = Need(f"{SHORTEST_PREVIEW:g} s of curvature preview", _lacking_preview)
+
+
 class LinearQuadratic(SteeringPolicy):
     """Kalman filter, then feedback of the estimates, of the commands on their way, and of the road.
 
@@ -51,7 +77,7 @@ class LinearQuadratic(SteeringPolicy):
     where it is known, and the commands before the last one that are still on their way.
     """
 
-    needs: ClassVar[tuple[str, ...]] = (
+    reads: ClassVar[tuple[str, ...]] = (
         "lateral_error",
         "heading_error",
         "yaw_rate",
@@ -59,6 +85,7 @@ class LinearQuadratic(SteeringPolicy):
         "steering_angle",
         "steering_command",
     )
+    packages = ("scipy",)
     estimated: ClassVar[Estimated]
     #: What `python -m lanekeep_baselines.tuning` found.
     weights: ClassVar[Weights]
@@ -66,16 +93,9 @@ class LinearQuadratic(SteeringPolicy):
     def __init__(self, scenario: CostScenario, weights: Weights | None = None) -> None:
         super().__init__(scenario)
         weights = self.weights if weights is None else weights
-        self._samples = tuple(channel for channel in self._order if channel.startswith("curvature_preview_"))
+        self._samples = _samples(scenario)
         known = not self.estimated.curvature
-        interval = scenario.preview_interval
-        reach = max(len(self._samples) - 1, 0) * interval
-        if known and reach < SHORTEST_PREVIEW - 1e-9:
-            least = 1 + math.ceil(SHORTEST_PREVIEW / interval - 1e-9)
-            raise ValueError(
-                f"policy {self.name!r} needs {SHORTEST_PREVIEW:g} s of curvature preview, the scenario shows "
-                f"{reach:g} s: make it with preview={least} or more"
-            )
+        interval, reach = scenario.preview_interval, _reach(scenario)
         step, slip = scenario.control_step, scenario.dynamics != "kinematic"
         actuator = scenario.vehicle.steering
         car = replace(scenario.vehicle, steering=replace(actuator, lag=actuator.lag + weights.lag))
@@ -161,6 +181,8 @@ class LqPreview(LinearQuadratic):
     """`lq-preview`: the optimum of the running cost for the nominal car on the road that the previews show."""
 
     name = "lq-preview"
+    uses = ("curvature_preview_*",)
+    needs = (_PREVIEW,)
     estimated = Estimated(offsets=False, curvature=False)
     weights = Weights(rate=0.859, slip=1e-3, steer=1e-3, drift=0.0, bend=0.3)
 
@@ -173,6 +195,8 @@ class LqPreviewOffsetFree(LinearQuadratic):
     """
 
     name = "lq-preview-offset-free"
+    uses = ("curvature_preview_*",)
+    needs = (_PREVIEW,)
     estimated = Estimated(offsets=True, curvature=False)
     weights = Weights(rate=1.15, slip=1.12e-3, steer=1e-3, drift=3.31e-3, bend=0.0772, lag=0.0845)
 

@@ -19,13 +19,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from lanekeep_baselines.lq_model import HEADING, LATERAL, STATES, STEER, YAW_RATE, StepModel
 from lanekeep_baselines.policy import Floats
 
 #: Measured states, in the order of the sensors.
 MEASURED = (STEER, YAW_RATE, HEADING, LATERAL)
+#: Doublings of the horizon after which a Riccati equation is given up: 2^40 control steps.
+DOUBLINGS = 40
 #: Below this speed, m/s, a road's curvature is not expected to be any larger.
 SLOWEST_BEND = 10.0
 
@@ -79,8 +80,39 @@ class Gains:
     curvature: Floats
 
 
+def settled(a: Floats, c: Floats, noise: Floats) -> Floats:
+    """Return the covariance X of x[k+1] = A x[k] + w after many measurements C x[k] + v, before the next one.
+
+    X = A X A' - A X C' (1 + C X C')^-1 C X A' + cov(w), for v of covariance 1.
+    """
+    from scipy.linalg import solve_discrete_are  # here, so that what a policy declares can be read without it
+
+    try:
+        return np.asarray(solve_discrete_are(a.T, c.T, noise, np.eye(len(c))))
+    except ValueError:  # it cannot order the eigenvalues that some chains of late sensors have
+        return doubled(a.T, c.T @ c, noise)
+
+
+def doubled(a: Floats, g: Floats, h: Floats) -> Floats:
+    """Return the X of X = A' X (1 + G X)^-1 A + H by structure-preserving doubling, which orders nothing.
+
+    Chu, Fan, Lin, Wang, "Structure-preserving algorithms for periodic discrete-time algebraic Riccati equations", Int.
+    J. Control 77(8), 2004: each round doubles the number of steps since nothing was known.
+    """
+    n = len(a)
+    for _ in range(DOUBLINGS):
+        moved = np.linalg.solve(np.eye(n) + g @ h, np.hstack([a, g]))
+        more = a.T @ h @ moved[:, :n]
+        a, g, h = a @ moved[:, :n], g + a @ moved[:, n:] @ a.T, h + more
+        if np.abs(more).max() <= 1e-15 * np.abs(h).max():
+            return 0.5 * (h + h.T)
+    raise ValueError(f"the Riccati equation has no solution within 2^{DOUBLINGS} control steps")
+
+
 def gains(model: StepModel, cost: Cost, step: float, steps: int = 1) -> Gains:
     """Solve the Riccati equation for control steps of ``step`` s; the curvature is known at ``steps`` >= 1 of them."""
+    from scipy.linalg import solve_discrete_are
+
     a, b, known = model.with_commands()
     n = len(a)
     moves = np.eye(n)[STEER]
@@ -171,7 +203,7 @@ class Estimated:
                 shown[i], known = known, known + 1
         # In units of its noise: scipy then solves the equation whatever the weights are.
         measured = np.eye(n)[shown] / measuring.noise[:, None]
-        covariance = solve_discrete_are(a.T, measured.T, noise, np.eye(len(MEASURED)))
+        covariance = settled(a, measured, noise)
         seen = covariance @ measured.T
         correction = np.linalg.solve(measured @ seen + np.eye(len(MEASURED)), seen.T).T
         inputs = model.b if self.curvature else np.hstack([model.curvature, model.b])

@@ -20,7 +20,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.yin_design import NO_SLIP
@@ -111,6 +110,8 @@ def _rates(car: VehicleParameters, v: float, slip: bool) -> Floats:
 
 def _exponential(rates: Floats, seconds: float, lag: float, command: int) -> Floats:
     """Return the transition over ``seconds`` while column ``command`` acts, shape (11, 11)."""
+    from scipy.linalg import expm
+
     generator = np.zeros((STATES + 6, STATES + 6))
     generator[:STATES, : STATES + 3] = rates
     generator[STATES + 2, STATES + 3] = 1.0

@@ -19,7 +19,7 @@ class ProportionalDerivative(SteeringPolicy):
     """
 
     name = "pd"
-    needs = ("lateral_error", "heading_error")
+    reads = ("lateral_error", "heading_error")
     #: rad of road wheel per m, and per rad.
     lateral_gain: ClassVar[float] = 0.03
     heading_gain: ClassVar[float] = 0.6

@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lanekeep_baselines.declared import Declared
 from lanekeep_env.physics.parameters import VehicleParameters
 
 Floats = NDArray[np.float64]
@@ -45,13 +46,22 @@ class Scenario(Protocol):
     def max_steering_rate(self) -> float: ...
 
 
-class LaneScenario(Scenario, Protocol):
-    """What a controller of lane keeping may know besides."""
+class TyreScenario(Scenario, Protocol):
+    """What a controller that knows whether its car slips may know besides."""
 
     @property
     def dynamics(self) -> str: ...
+
+
+class PreviewScenario(Scenario, Protocol):
+    """What a controller that looks ahead may know besides."""
+
     @property
     def preview_interval(self) -> float: ...
+
+
+class LaneScenario(TyreScenario, PreviewScenario, Protocol):
+    """What a controller of lane keeping may know besides."""
 
 
 class DrivingScenario(Scenario, Protocol):
@@ -77,43 +87,27 @@ class Policy(Protocol):
         ...
 
 
-class SteeringPolicy:
-    """A controller that asks for a road-wheel angle; subclasses write `command`.
+class SteeringPolicy(Declared):
+    """A controller that asks for a road-wheel angle; subclasses declare what they need, and write `command`.
 
     Attributes:
-        name: what `lanekeep_baselines.make` calls it.
-        needs: channels that it reads.
         memory: numbers that it remembers from one step to the next, 0 for none.
-        actions: numbers of an action.
+
+    Raises:
+        ValueError: the scenario lacks something that the policy declares.
     """
 
-    name: ClassVar[str]
-    needs: ClassVar[tuple[str, ...]]
     memory: int = 0
-    actions: ClassVar[int] = 1
 
     def __init__(self, scenario: Scenario) -> None:
-        asked = getattr(scenario, "num_actions", 1)
-        if asked != self.actions:
-            raise ValueError(
-                f"policy {self.name!r} gives {self.actions} number(s) an action, the scenario asks for {asked}; "
-                "allowed: what names(scenario) lists"
-            )
-        rate_mode = scenario.action == "steering_rate"
+        lacking = self.lacking(scenario)
+        if lacking:
+            raise ValueError(lacking)
         self._columns = len(scenario.channels)
-        order = {channel.name: i for i, channel in enumerate(scenario.channels)}
-        needs = (*self.needs, "steering_command") if rate_mode else self.needs
-        for channel in needs:
-            if channel not in order:
-                hint = ": make the scenario with preview=1 or more" if channel.startswith("curvature_preview") else ""
-                raise ValueError(
-                    f"policy {self.name!r} needs the channel {channel!r}, which the scenario does not observe{hint}; "
-                    f"channels: {', '.join(order)}"
-                )
-        self._order = order
-        self._rate_mode = rate_mode
+        self._order = {channel.name: i for i, channel in enumerate(scenario.channels)}
+        self._rate_mode = scenario.action == "steering_rate"
         self._scale = scenario.max_steering_angle
-        if rate_mode:
+        if self._rate_mode:
             self._scale = scenario.max_steering_rate * scenario.control_step
 
     def command(

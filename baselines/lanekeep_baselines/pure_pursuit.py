@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.policy import Floats, LaneScenario, SteeringPolicy
+from lanekeep_baselines.policy import Floats, LaneScenario, PreviewScenario, SteeringPolicy
 
 
 class PurePursuit(SteeringPolicy):
@@ -27,13 +27,14 @@ class PurePursuit(SteeringPolicy):
     """
 
     name = "pure-pursuit"
-    needs = ("lateral_error", "heading_error", "speed")
+    reads = ("lateral_error", "heading_error", "speed")
+    uses = ("curvature_preview_*",)
     #: s; shorter follows closer and swings more (Yin's car at 50 m/s: damping 0.18, at 0.5 s 0.14).
     lookahead_time: ClassVar[float] = 0.8
     #: m
     shortest_lookahead: ClassVar[float] = 5.0
 
-    def __init__(self, scenario: LaneScenario) -> None:
+    def __init__(self, scenario: PreviewScenario) -> None:
         super().__init__(scenario)
         self._wheelbase, self._to_rear = scenario.vehicle.wheelbase, scenario.vehicle.cg_to_rear_axle
         self._interval = scenario.preview_interval

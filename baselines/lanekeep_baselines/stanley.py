@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.policy import Floats, LaneScenario, SteeringPolicy
+from lanekeep_baselines.policy import Floats, SteeringPolicy, TyreScenario
 
 
 class Stanley(SteeringPolicy):
@@ -29,7 +29,8 @@ class Stanley(SteeringPolicy):
     """
 
     name = "stanley"
-    needs = ("lateral_error", "heading_error", "yaw_rate", "speed")
+    reads = ("lateral_error", "heading_error", "yaw_rate", "speed")
+    uses = ("curvature_preview_0",)
     #: k, 1/s: small errors decay with exp(-k t).
     gain: ClassVar[float] = 2.0
     #: k_soft, m/s: bounds the gain on the error at standstill.
@@ -38,7 +39,7 @@ class Stanley(SteeringPolicy):
     #: with it, 0.05 without).
     yaw_damping: ClassVar[float] = 0.1
 
-    def __init__(self, scenario: LaneScenario) -> None:
+    def __init__(self, scenario: TyreScenario) -> None:
         super().__init__(scenario)
         car = scenario.vehicle
         slips = scenario.dynamics != "kinematic"

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats, Scenario, SteeringPolicy
 from lanekeep_baselines.traechtler_model import CameraModel
-from lanekeep_env.sensing.faults import Sensors
 
 #: Time constant of the D part's filter, s; far below that of the closed loop, (l + f)/v.
 FILTER = 0.1
@@ -33,10 +32,6 @@ class CameraScenario(Scenario, Protocol):
     def camera(self) -> _Camera: ...
     @property
     def set_distance(self) -> float: ...
-    @property
-    def plan_spacing(self) -> float: ...
-    @property
-    def sensors(self) -> Sensors: ...
 
 
 class TraechtlerPd(SteeringPolicy):
@@ -48,7 +43,7 @@ class TraechtlerPd(SteeringPolicy):
     """
 
     name = "traechtler-pd"
-    needs: ClassVar[tuple[str, ...]] = ("edge_distance", "edge_valid", "speed")
+    reads: ClassVar[tuple[str, ...]] = ("edge_distance", "edge_valid", "speed")
     memory = 2  # filtered deviation, whether the edge was in sight
     #: Share of K2 and K3 that is left out at `full_speed` and above, in proportion to the speed below.
     lowering: ClassVar[float] = 0.0

@@ -7,27 +7,56 @@ Source: TrÃ¤chtler, Lohmann, Struck, "Regelung der Querbewegung eines kameragefÃ
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lanekeep_baselines.declared import Need
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.traechtler import CameraScenario, TraechtlerPd
+from lanekeep_env.sensing.faults import Sensors
+
+
+class PlanScenario(CameraScenario, Protocol):
+    """What a controller that knows the planned curvature may know besides."""
+
+    @property
+    def plan_spacing(self) -> float: ...
+
+
+class ReckonedScenario(PlanScenario, Protocol):
+    """What a controller that observes the camera's delay may know besides."""
+
+    @property
+    def sensors(self) -> Sensors: ...
+
+
+def _plan(scenario: PlanScenario) -> list[str]:
+    """Return the channels of the planned curvature."""
+    return [channel.name for channel in scenario.channels if channel.name.startswith("planned_curvature_")]
+
+
+def _lacking_plan(scenario: PlanScenario) -> str:
+    samples, reach = len(_plan(scenario)), scenario.vehicle.wheelbase + scenario.camera.look_ahead
+    if (samples - 1) * scenario.plan_spacing >= reach:
+        return ""
+    return (
+        f"the planned curvature up to {reach:g} m ahead of the rear axle; plan={samples} samples of "
+        f"plan_spacing={scenario.plan_spacing:g} m end before"
+    )
 
 
 class Planned(TraechtlerPd):
     """What both policies share: the planned curvature, read where it is wanted."""
 
-    def __init__(self, scenario: CameraScenario) -> None:
+    reads = ("edge_distance", "edge_valid", "speed", "steering_angle")
+    uses: ClassVar[tuple[str, ...]] = ("planned_curvature_*",)
+    needs = (Need("a plan up to the camera's point", _lacking_plan),)
+
+    def __init__(self, scenario: PlanScenario) -> None:
         super().__init__(scenario)
-        names = [channel.name for channel in scenario.channels if channel.name.startswith("planned_curvature_")]
-        self._plan_names, self._spacing = names, scenario.plan_spacing
-        if (len(names) - 1) * scenario.plan_spacing < self._model.reach:
-            raise ValueError(
-                f"policy {self.name!r} needs the planned curvature up to {self._model.reach:g} m ahead of the rear "
-                f"axle; plan={len(names)} samples of plan_spacing={scenario.plan_spacing:g} m end before"
-            )
+        self._plan_names, self._spacing = _plan(scenario), scenario.plan_spacing
 
     def plan(self, at: Mapping[str, Floats]) -> Floats:
         """Return the planned curvature at the rear axle and ahead of it, 1/m, (n, samples)."""
@@ -52,7 +81,6 @@ class TraechtlerBlind(Planned):
     """
 
     name = "traechtler-blind"
-    needs = ("edge_distance", "edge_valid", "speed", "steering_angle")
     # Deviation, heading and steering angle of the model, command and curvature that drive it, rate of the deviation,
     # filtered deviation, whether the edge was in sight.
     memory = 8
@@ -113,11 +141,11 @@ class TraechtlerInverse(Planned):
     """
 
     name = "traechtler-inverse"
-    needs = ("edge_distance", "edge_valid", "speed", "steering_angle")
+    uses = (*Planned.uses, "edge_distance_new")
     #: Way over which the observer forgets a wrong estimate, m: both poles at -1/way.
     way: ClassVar[float] = 4.0
 
-    def __init__(self, scenario: CameraScenario) -> None:
+    def __init__(self, scenario: ReckonedScenario) -> None:
         super().__init__(scenario)
         steering, sensor = scenario.vehicle.steering, dict(scenario.sensors).get("edge_distance")
         self._motor = np.inf if steering.rate_limit is None else steering.rate_limit

@@ -23,13 +23,16 @@ Anti-windup is by clamping: the PI with its zero at 0 is the last steering, as l
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.wall_design import WallCar
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,8 @@ def published_rate_loop_gain() -> float:
 
 def heading_locus(step: float) -> control.TransferFunction:
     """Return the middle loop without its gain: (20), its gain left out too, times the integrator of the heading."""
+    import control  # for the loci only: the gains are designed without it
+
     loop = published_rate_loop_gain()
     return control.zpk([RATE_ZERO], [1.0, (1.0 + RATE_ZERO * loop) / (1.0 + loop)], 1.0, step)
 
@@ -81,6 +86,8 @@ PLANNED_SHARE = 0.5
 
 def delayed_rate_locus(loop_gain: float, zero: float, step: float) -> control.TransferFunction:
     """Return the inner loop with its gain and one sample of delay."""
+    import control
+
     return control.zpk([zero], [0.0, 1.0], loop_gain, step)
 
 

@@ -13,12 +13,15 @@ Speeds are m/s, numbers or arrays; gains come back elementwise. No gain exists a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lanekeep_baselines.policy import Floats
+
+if TYPE_CHECKING:
+    import control
 
 #: Speed at which the competition's PD was designed, m/s, and the place of its sensor, m; the report gives neither: they
 #: are those at which the printed poles come back.
@@ -59,12 +62,16 @@ class WallCar:
 
     def transfer(self, speed: float) -> control.TransferFunction:
         """Return G(z) from steering to distance, (11)."""
+        import control  # for the loci only: the gains are designed without it
+
         zero = float(self.zero(speed))
         return control.zpk([zero], [1.0, 1.0], float(self.gain(speed)), self.step)
 
 
 def closed_poles(open_loop: control.TransferFunction, gain: float = 1.0) -> Floats:
     """Return the poles of the loop closed with ``gain``, largest real part first: one point of each branch."""
+    import control
+
     poles = control.root_locus_map(open_loop, [gain]).loci[0]
     return np.asarray(sorted(poles, key=lambda pole: (-pole.real, pole.imag)))
 
@@ -140,4 +147,6 @@ def misprinted_pd_design(step: float = 0.045, proportional: float = 15.0, deriva
 
 def pd_locus(car: WallCar, speed: float, design: PdDesign) -> control.TransferFunction:
     """Return the open loop of PD and plant."""
+    import control
+
     return control.zpk([design.zero], [0.0], design.gain, car.step) * car.transfer(speed)

@@ -15,7 +15,8 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.policy import Floats, LaneScenario, Scenario, SteeringPolicy
+from lanekeep_baselines.declared import Need
+from lanekeep_baselines.policy import Floats, PreviewScenario, SteeringPolicy
 from lanekeep_baselines.werling_drive import AccelerationIntegrator, EngineMap, split_range
 from lanekeep_baselines.werling_lateral import (
     WerlingMeasured,
@@ -31,7 +32,7 @@ from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.physics.powertrain_parameters import Powertrain
 
 
-class GripScenario(LaneScenario, Protocol):
+class GripScenario(PreviewScenario, Protocol):
     """What the dynamic law may know besides: the road's friction."""
 
     @property
@@ -45,13 +46,15 @@ class DriveScenario(GripScenario, Protocol):
     def powertrain(self) -> Powertrain: ...
 
 
-class ReverseScenario(Scenario, Protocol):
+class ReverseScenario(PreviewScenario, Protocol):
     """What the kinematic law alone may know; `lanekeep_env.ReversePathScenario` is one."""
 
     @property
     def axles(self) -> tuple[float, float]: ...
-    @property
-    def preview_interval(self) -> float: ...
+
+
+def _lacking_rear(scenario: ReverseScenario) -> str:
+    return "" if scenario.axles[1] == 0.0 else "the errors of the rear axle; the scenario's are not"
 
 
 class _Ahead(SteeringPolicy):
@@ -60,7 +63,7 @@ class _Ahead(SteeringPolicy):
     #: Whether the law steers for the curvature ahead.
     ahead: ClassVar[bool] = False
 
-    def _previews(self, scenario: LaneScenario | ReverseScenario) -> None:
+    def _previews(self, scenario: PreviewScenario) -> None:
         self._samples = [c.name for c in scenario.channels if c.name.startswith("curvature_preview_")]
         steering = scenario.vehicle.steering
         self._interval = scenario.preview_interval
@@ -81,7 +84,7 @@ class WerlingLateral(_Ahead):
     """`werling-lateral`: input/output linearisation on saturating tyres above 4.5 m/s, the rolling car below 2.5."""
 
     name = "werling-lateral"
-    needs: ClassVar[tuple[str, ...]] = (
+    reads: ClassVar[tuple[str, ...]] = (
         "lateral_error",
         "heading_error",
         "sideslip",
@@ -115,6 +118,7 @@ class WerlingLateralAhead(WerlingLateral):
     """`werling-lateral-ahead`: the same for the curvature ahead; the extension."""
 
     name = "werling-lateral-ahead"
+    uses = ("curvature_preview_*",)
     ahead = True
 
 
@@ -122,15 +126,14 @@ class WerlingReverse(_Ahead):
     """`werling-reverse`: the rolling car's law (23) in arc length, forwards and backwards; errors of the rear axle."""
 
     name = "werling-reverse"
-    needs = ("lateral_error", "heading_error", "speed", "curvature_preview_0")
+    reads = ("lateral_error", "heading_error", "speed", "curvature_preview_0")
+    needs = (Need("errors of the rear axle", _lacking_rear),)
     memory = 1  # the last direction
     #: k, 1/m: with 1 the actuator's lag costs three times as much.
     wave_number: ClassVar[float] = 2.0
 
     def __init__(self, scenario: ReverseScenario) -> None:
         super().__init__(scenario)
-        if scenario.axles[1] != 0.0:
-            raise ValueError(f"policy {self.name!r} needs the errors of the rear axle; the scenario's are not")
         self._previews(scenario)
         self._wheelbase = scenario.vehicle.wheelbase
 
@@ -149,6 +152,7 @@ class WerlingReverseAhead(WerlingReverse):
     """`werling-reverse-ahead`: the same for the curvature ahead; the extension."""
 
     name = "werling-reverse-ahead"
+    uses = ("curvature_preview_*",)
     ahead = True
     wave_number = 1.0
 
@@ -161,8 +165,8 @@ class WerlingDrive(WerlingLateralAhead):
     """
 
     name = "werling-drive"
-    needs = (
-        *WerlingLateral.needs,
+    reads = (
+        *WerlingLateral.reads,
         "acceleration",
         "gear",
         "set_speed",

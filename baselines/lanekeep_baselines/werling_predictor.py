@@ -107,7 +107,8 @@ class WerlingLateralPredictor(WerlingLateral):
 
     name = "werling-lateral-predictor"
     ahead = True
-    needs = (*WerlingLateral.needs, "steering_angle", "steering_command")
+    reads = (*WerlingLateral.reads, "steering_angle", "steering_command")
+    uses = ("curvature_preview_*",)
 
     def __init__(self, scenario: GripScenario) -> None:
         super().__init__(scenario)
@@ -127,7 +128,7 @@ class WerlingLateralPredictor(WerlingLateral):
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats | None]:
-        now = WerlingMeasured(*(at[name] for name in self.needs[:5]))
+        now = WerlingMeasured(*(at[name] for name in self.reads[:5]))
         # What entered the actuator, not what was asked for: the environment clips.
         last = at["steering_command"]
         queue = advance_queue(queue_of(memory, fresh, at["steering_angle"]), last)

@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.policy import Floats, LaneScenario, SteeringPolicy
+from lanekeep_baselines.policy import Floats, LaneScenario, SteeringPolicy, TyreScenario
 from lanekeep_baselines.table import Table, weighted_sum
 from lanekeep_baselines.yin_design import (
     SCHEDULE,
@@ -30,9 +30,10 @@ from lanekeep_baselines.yin_observer import Observer
 class _YinPolicy(SteeringPolicy):
     """The design model, the scheduled gains k_c and the change of signs and units."""
 
-    needs: ClassVar[tuple[str, ...]] = ("lateral_error", "heading_error", "yaw_rate", "speed", "steering_angle")
+    reads: ClassVar[tuple[str, ...]] = ("lateral_error", "heading_error", "yaw_rate", "speed", "steering_angle")
+    packages = ("control", "scipy")
 
-    def __init__(self, scenario: LaneScenario) -> None:
+    def __init__(self, scenario: TyreScenario) -> None:
         super().__init__(scenario)
         self._model = YinModel.of(scenario.vehicle, STEERING_RATIO, slip=scenario.dynamics != "kinematic")
         self._gains = Table(SCHEDULE, np.stack([control_gains(self._model, speed) for speed in SCHEDULE]))
@@ -66,7 +67,7 @@ class YinLqr(_YinPolicy):
 class _YinObserverPolicy(_YinPolicy):
     """State feedback minus the steering that the observer believes the curve to ask for."""
 
-    needs = (*_YinPolicy.needs, "steering_command")
+    reads = (*_YinPolicy.reads, "steering_command")
     memory = Observer.memory
     feeds_back_estimates: ClassVar[bool]
 
@@ -75,7 +76,7 @@ class _YinObserverPolicy(_YinPolicy):
         """Return Q_o and R_o for a design speed in m/s."""
         raise NotImplementedError
 
-    def __init__(self, scenario: LaneScenario) -> None:
+    def __init__(self, scenario: TyreScenario) -> None:
         super().__init__(scenario)
         self._observer = Observer(self._model, self.weights, scenario.control_step)
 
@@ -130,7 +131,8 @@ class YinLqrFeedforward(_YinPolicy):
     """
 
     name = "yin-lqr-feedforward"
-    needs = (*_YinPolicy.needs, "curvature_preview_0")
+    reads = (*_YinPolicy.reads, "curvature_preview_0")
+    uses = ("curvature_preview_*",)
 
     def __init__(self, scenario: LaneScenario) -> None:
         super().__init__(scenario)

@@ -25,7 +25,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import control
 import numpy as np
 
 from lanekeep_baselines.policy import Floats
@@ -148,12 +147,16 @@ class YinModel:
 
 def control_gains(model: YinModel, speed: float) -> Floats:
     """Return k_c of u = -k_c (delta_L, r, theta_d, y_d) at one design speed in m/s, shape (4,)."""
+    import control  # here, so that what a policy declares can be read without it
+
     gains, _, _ = control.lqr(*model.plant(speed), CONTROL_WEIGHTS, np.eye(1))
     return np.asarray(gains, dtype=np.float64)[0]
 
 
 def observer_gains(model: YinModel, speed: float, weights: ObserverWeights) -> Floats:
     """Return k_o of the observer's correction k_o (y - C_o x) at one design speed in m/s, shape (5, 3)."""
+    import control
+
     a, _ = model.disturbed_plant(speed)
     gains, _, _ = control.lqr(a.T, OUTPUTS.T, *weights(speed))
     return np.asarray(gains, dtype=np.float64).T

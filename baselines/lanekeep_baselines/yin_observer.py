@@ -11,7 +11,6 @@ it; the measured y, which goes on moving, runs linearly between its samples: the
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import expm
 
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.table import Table, weighted_sum
@@ -25,6 +24,8 @@ RESOLUTION = 0.02
 
 def transition(model: YinModel, speed: float, gains: Floats, step: float) -> Floats:
     """Return the exact (Phi, Gamma_0, Gamma_u, Gamma_1) side by side, shape (5, 12), at one speed in m/s."""
+    from scipy.linalg import expm
+
     a, b = model.disturbed_plant(speed)
     # One exponential gives all: states x (5), u (1), y (3) and the slope of y over the step (3).
     generator = np.zeros((12, 12))

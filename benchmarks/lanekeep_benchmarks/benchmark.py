@@ -10,15 +10,23 @@ from typing import Any
 
 import lanekeep_env
 from lanekeep_benchmarks import plots
-from lanekeep_benchmarks.evaluate import EpisodeResult, Policy, episode_seed, evaluate, make_lanes, record
+from lanekeep_benchmarks.evaluate import (
+    EpisodeResult,
+    Policy,
+    episode_seed,
+    evaluate,
+    make_lanes,
+    metric_names,
+    record,
+)
 from lanekeep_benchmarks.made import make_definitions, policies_of
 from lanekeep_benchmarks.policies import FILE, check_policy, make_policy, policy_digest
 from lanekeep_benchmarks.report import markdown
 from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder, default_folder
-from lanekeep_benchmarks.run_record import RunRecord, code_hash
+from lanekeep_benchmarks.run_record import MOST_EPISODES, RunRecord, code_hash
 from lanekeep_benchmarks.suites import ENDING, Suite, find_suite, road_suite
 from lanekeep_benchmarks.summary import rows_of, summarise
-from lanekeep_env.checks import require
+from lanekeep_env.checks import require, shown, shown_path
 from lanekeep_env.scenario import RoadScenario
 
 
@@ -34,6 +42,7 @@ class Plan:
     suite_file: str | None = None
     scenario_hash: dict[str, str] = field(default_factory=dict)
     policy_sha256: dict[str, str] = field(default_factory=dict)
+    metrics: dict[str, list[str]] = field(default_factory=dict)
     results: list[EpisodeResult] = field(default_factory=list)
     _made: dict[tuple[str, str], Policy] = field(default_factory=dict)
 
@@ -62,6 +71,7 @@ class Plan:
             seed=self.seed,
             scenario_hash=self.scenario_hash,
             policy_sha256=self.policy_sha256,
+            metrics=self.metrics,
             suite_file=self.suite_file,
         )
 
@@ -109,19 +119,25 @@ def make_plan(suite: str | None, policies: str | None, road: Path | None, episod
         ValueError, OSError: unknown suite or policy, a scenario that cannot be made, a policy that cannot drive one, or
             a road that cannot be driven.
     """
-    require("--episodes", episodes, "", at_least=1, whole=True, optional=True)
+    require("--episodes", episodes, "", at_least=1, at_most=MOST_EPISODES, whole=True, optional=True)
     require("--seed", seed, "", at_least=0, whole=True)
     if suite is not None and road is not None:
-        raise ValueError(f"suite {suite!r} and --road {road} exclude each other; give one of them")
+        raise ValueError(f"suite {shown(suite)} and --road {road} exclude each other; give one of them")
     chosen = find_suite(suite or "classical") if road is None else road_suite(road)
     file = suite if suite is not None and suite.endswith(ENDING) else None
-    where = f"suite {file or chosen.name}"
+    where = f"suite {shown_path(file or chosen.name)}"
     definitions = make_definitions(chosen, where)
     names = policies_of(chosen, definitions.values(), where) if policies is None else policy_names(policies)
     plan = Plan(chosen, names, episodes or chosen.episodes, seed, road, file)
+    if plan.total > MOST_EPISODES:
+        raise ValueError(
+            f"--episodes {plan.episodes} is not allowed: over {len(chosen.scenarios)} scenarios and {len(names)} "
+            f"policies these are {plan.total} episodes, allowed are {MOST_EPISODES}"
+        )
     for scenario in chosen.scenarios:
         definition = definitions[scenario.name]
         plan.scenario_hash[scenario.name] = scenario.hash(definition.hash)
+        plan.metrics[scenario.name] = list(metric_names(hasattr(definition, "laps")))
         for name in names:
             try:
                 plan.policy(name, scenario.policies_scenario(definition))
@@ -142,7 +158,7 @@ def policy_names(text: str) -> list[str]:
     for name in names:
         check_policy(name)
     if not names or len(set(names)) < len(names):
-        raise ValueError(f"--policies {text!r} is not allowed: one or more different names or {FILE} files")
+        raise ValueError(f"--policies {shown(text)} is not allowed: one or more different names or {FILE} files")
     return names
 
 

@@ -17,7 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 import lanekeep_env
-from lanekeep_benchmarks.endings import Interrupted, disk_errors, input_errors, interruptible, one_line
+from lanekeep_benchmarks.endings import Interrupted, disk_errors, input_errors, interruptible, one_line, short
 from lanekeep_benchmarks.policies import FILE, check_policy
 from lanekeep_benchmarks.replications import WORKS
 from lanekeep_benchmarks.suites import ENDING, SUITES
@@ -54,7 +54,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         # typer's usage errors: which class they are differs between its versions, what they can do does not.
         if not hasattr(error, "format_message"):
             raise
-        message = one_line(error.format_message())
+        message = short(one_line(error.format_message()))
         if message:  # a bare `lanekeep` has printed its help instead
             print(f"lanekeep: {message} (see lanekeep --help)", file=sys.stderr)
         return 2
@@ -160,9 +160,9 @@ def bench(
 def _progress(unit: str = "episodes") -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn(unit))
     console = _console(stderr=True)
-    # Where nobody watches, it would leave an empty line.
-    disable = not console.is_terminal
-    return Progress(*columns, TimeElapsedColumn(), console=console, transient=True, disable=disable)
+    # Where nobody watches, it would leave an empty line; rich before 14.3 does so even where it is disabled.
+    console.quiet = not console.is_terminal
+    return Progress(*columns, TimeElapsedColumn(), console=console, transient=True, disable=console.quiet)
 
 
 @app.command(name="play")

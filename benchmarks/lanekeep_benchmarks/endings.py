@@ -15,13 +15,18 @@ def one_line(text: object) -> str:
     return " ".join(str(text).split())
 
 
+def short(text: str, most: int = 1500) -> str:
+    """Text cut in its middle where it is long: it may repeat a path or an option, however long that is."""
+    return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"
+
+
 @contextmanager
 def input_errors() -> Iterator[None]:
     """Turn what the packages say about bad input into one line on stderr and exit code 2."""
     try:
         yield
     except (ValueError, OSError, ImportError, gym.error.Error) as error:
-        print(f"lanekeep: {one_line(error)}", file=sys.stderr)
+        print(f"lanekeep: {short(one_line(error))}", file=sys.stderr)
         raise typer.Exit(2) from error
 
 
@@ -31,7 +36,7 @@ def disk_errors(advice: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        print(f"lanekeep: {one_line(error)}{advice}", file=sys.stderr)
+        print(f"lanekeep: {short(one_line(error))}{advice}", file=sys.stderr)
         raise typer.Exit(1) from error
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Protocol
 
 import gymnasium as gym
@@ -19,9 +19,20 @@ from numpy.typing import NDArray
 
 import lanekeep_env
 from lanekeep_benchmarks.suites import OWN_ROAD, Suite, SuiteScenario
-from lanekeep_env.checks import from_mapping
+from lanekeep_env.checks import choose, from_mapping, require, shown
+from lanekeep_env.plain import parse_json
 
 LANES = 256
+#: Metrics of every scenario, and those that come first on roads and on circuits.
+EFFORT = ("rms_steering_rate", "peak_lateral_acceleration", "return")
+ERRORS, LAP = ("rms_lateral_error", "peak_lateral_error"), ("lap_time",)
+#: A metric that is read may be as large: sums of fourth powers are still finite.
+LARGEST_METRIC = 1e50
+_KINDS: dict[Any, tuple[type, str]] = {
+    "str": (str, "a text"),
+    "int": (int, "a whole number"),
+    "bool": (bool, "true or false"),
+}
 
 
 class Policy(Protocol):
@@ -69,8 +80,17 @@ class EpisodeResult:
 
     @classmethod
     def from_json(cls, text: str | bytes) -> EpisodeResult:
-        """Read a line; ValueError or TypeError where it is not one."""
-        return from_mapping(cls, json.loads(text), "result line")
+        """Read a line; ValueError or TypeError, which name the field, where it is not one."""
+        values = parse_json(text)
+        require_mapping("result line", values)
+        line = from_mapping(cls, values, "result line")
+        check_kinds(line)
+        require("steps", line.steps, "", at_least=1, at_most=1_000_000_000)
+        require_mapping("metrics", line.metrics)
+        for name, value in line.metrics.items():
+            choose("metrics", name, (*LAP, *ERRORS, *EFFORT))
+            require(f"metrics.{name}", value, "", at_least=-LARGEST_METRIC, at_most=LARGEST_METRIC)
+        return line
 
     @property
     def place(self) -> Place:
@@ -86,6 +106,26 @@ class Step:
     observation: NDArray[np.float32]
     reward: NDArray[np.float64]
     info: Mapping[str, Any]
+
+
+def check_kinds(record: Any) -> None:
+    """Raise ValueError unless the fields of a record that are declared as texts, int or bool are just that."""
+    for field in fields(record):
+        kind, words = _KINDS.get(field.type, (object, ""))
+        value = getattr(record, field.name)
+        if kind is not object and type(value) is not kind:
+            raise ValueError(f"{field.name}={shown(value)} is not allowed: it must be {words}")
+
+
+def require_mapping(name: str, value: Any) -> None:
+    """Raise ValueError unless ``value`` is a mapping."""
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{name}={shown(value)} is not allowed: it must be a mapping of names to values")
+
+
+def metric_names(laps: bool) -> tuple[str, ...]:
+    """Names of the metrics of a scenario, in which laps are driven or not."""
+    return (*(LAP if laps else ERRORS), *EFFORT)
 
 
 def episode_seed(suite: str, scenario: str, episode: int, seed: int) -> int:
@@ -149,15 +189,10 @@ def measure(
             np.copyto(failed, ~succeeds, where=alive)
             np.copyto(lap, info["lap_time"], where=alive)
         count += alive
-    effort = {
-        "rms_steering_rate": np.sqrt(squared_rate / count),
-        "peak_lateral_acceleration": peak_acceleration,
-        "return": total,
-    }
-    if lap_limit is not None:
-        return {"lap_time": np.where(failed, lap_limit, lap), **effort}, failed, count
-    errors = {"rms_lateral_error": np.sqrt(squared_error / count), "peak_lateral_error": peak_error}
-    return {**errors, **effort}, failed, count
+    errors = [np.sqrt(squared_error / count), peak_error]
+    first = errors if lap_limit is None else [np.where(failed, lap_limit, lap)]
+    values = [*first, np.sqrt(squared_rate / count), peak_acceleration, total]
+    return dict(zip(metric_names(lap_limit is not None), values, strict=True)), failed, count
 
 
 def evaluate(

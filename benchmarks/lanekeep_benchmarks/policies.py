@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import lanekeep_agents
 import lanekeep_baselines
-from lanekeep_env.checks import nearest
+from lanekeep_agents.policy_file import LARGEST_RECORD
+from lanekeep_env.checks import nearest, shown
+from lanekeep_env.files import read_bounded
 
 if TYPE_CHECKING:
     from lanekeep_benchmarks.evaluate import Policy
@@ -28,11 +30,15 @@ def known_policies() -> tuple[str, ...]:
 def check_policy(name: str) -> None:
     """Raise ValueError unless ``name`` is a known one or the path of a file; the nearest known one is named."""
     if name.endswith(FILE):
-        if not Path(name).is_file():
-            raise ValueError(f"policy {name!r}: no such file; allowed: the path of a learned policy's {FILE} file")
+        try:
+            found = Path(name).is_file()
+        except OSError:  # what no file can be called
+            found = False
+        if not found:
+            raise ValueError(f"policy {shown(name)}: no such file; allowed: the path of a learned policy's {FILE} file")
     elif name not in (known := known_policies()):
         raise ValueError(
-            f"policy {name!r} is unknown{nearest(name, known)}; allowed: {', '.join(known)}, or a {FILE} file"
+            f"policy {shown(name)} is unknown{nearest(name, known)}; allowed: {', '.join(known)}, or a {FILE} file"
         )
 
 
@@ -69,4 +75,4 @@ def policy_digest(name: str) -> str | None:
     if name in lanekeep_baselines.names():
         return None
     file = Path(name) if name.endswith(FILE) else ZOO / (name + FILE)
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    return hashlib.sha256(read_bounded(file, LARGEST_RECORD)).hexdigest()

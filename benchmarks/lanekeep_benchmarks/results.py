@@ -5,24 +5,26 @@ A chunk of lines is on disk when `append` returns, so that a killed run loses th
 
 from __future__ import annotations
 
+import io
 import os
-import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
 
 from lanekeep_benchmarks.evaluate import EpisodeResult
 from lanekeep_benchmarks.run_record import ANEW, RUN, RunRecord, another_run, told
-from lanekeep_env.files import write_atomic
-
-if sys.platform != "win32":
-    import fcntl
+from lanekeep_env.files import locked, open_to_append, read_bounded, require_ordinary, write_atomic
 
 EPISODES = "episodes.jsonl"
 SUMMARY = "summary.json"
 TABLE = "summary.md"
+#: Bytes beyond which result lines are not read: `MOST_EPISODES` with policies named by long paths, a line alone.
+LARGEST_LINES = 1 << 29
+LONGEST_LINE = 1 << 16
+#: What every result line begins with.
+_BEGINNING = b'{"suite": "'
 
 
 def default_folder(suite: str) -> Path:
@@ -30,23 +32,25 @@ def default_folder(suite: str) -> Path:
     return Path("results") / f"{suite}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
 
 
-def read_lines(file: Path) -> tuple[list[EpisodeResult], int]:
-    """Read result lines; return them and the number of bytes they take, without a torn end.
+def read_lines(content: bytes) -> Iterator[tuple[int, EpisodeResult]]:
+    """Yield result lines with their numbers, without a torn end.
 
-    A line is torn when its line end is missing: a line is written before its end, and both before the next line.
+    A line is torn when its line end is missing: a line is written before its end, and both before the next line. Where
+    the power failed, NULs may stand for it.
 
     Raises:
-        ValueError: a whole line is not a result line.
+        ValueError: a line is not a result line, or the end not the beginning of one; names its number.
     """
-    content = file.read_bytes()
-    *lines, torn = content.split(b"\n")
-    results = []
-    for number, line in enumerate(lines, start=1):
-        try:
-            results.append(EpisodeResult.from_json(line))
-        except (ValueError, TypeError) as error:
-            raise ValueError(f"{file} line {number} is not a result line ({error}); {ANEW}") from None
-    return results, len(content) - len(torn)
+    for number, line in enumerate(io.BytesIO(content), start=1):
+        if len(line) > LONGEST_LINE:
+            raise ValueError(f"line {number} has {len(line)} bytes, allowed are {LONGEST_LINE}")
+        if line.endswith(b"\n"):
+            try:
+                yield number, EpisodeResult.from_json(line)
+            except (ValueError, TypeError) as error:
+                raise ValueError(f"line {number} is not a result line ({error})") from None
+        elif line.strip(b"\0") and not line.startswith(_BEGINNING[: len(line)]):
+            raise ValueError(f"line {number} is not the beginning of a result line")
 
 
 class ResultFolder:
@@ -60,53 +64,66 @@ class ResultFolder:
 
     Raises:
         ValueError: the folder holds results and neither is set, or it holds those of another run (``resume``), or
-            another process writes there, or the path is a file.
+            another process writes there, or the path is a file, or something else than a file has the name of one.
     """
 
     def __init__(self, path: Path, record: RunRecord, overwrite: bool = False, resume: bool = False) -> None:
         if path.exists() and not path.is_dir():
             raise ValueError(f"--out {path} is a file; allowed: a folder, which is made if it is missing")
-        mine = [file for name in (RUN, EPISODES, SUMMARY, TABLE) if (file := path / name).exists()]
-        if mine and not overwrite and not resume:
-            raise ValueError(
-                f"--out {path} already holds results; name another folder, or pass --resume to complete them or"
-                " --overwrite to replace them"
-            )
         path.mkdir(parents=True, exist_ok=True)
         self.path = path
         self.earlier: list[EpisodeResult] = []
         self.torn = False
-        self._lines = (path / EPISODES).open("ab" if mine else "xb")
+        self._open = ExitStack()
         try:
-            _lock(self._lines, path)
-            if resume:
-                self._take_up(record)
-            elif overwrite:
+            self._open.enter_context(locked(path))
+            if self._files() and not overwrite and not resume:
+                raise ValueError(
+                    f"--out {path} already holds results; name another folder, or pass --resume to complete them or"
+                    " --overwrite to replace them"
+                )
+            whole = self._take_up(record) if resume else 0
+            self._lines = self._open.enter_context(open_to_append(path / EPISODES))
+            if overwrite:
                 self._clear()
             write_atomic(path / RUN, record.to_json())
+            self._lines.truncate(whole)
         except BaseException:
-            self._lines.close()
+            self._open.close()
             raise
 
-    def _take_up(self, record: RunRecord) -> None:
-        """Read what a run left; change nothing before all of it is known to be of this run."""
-        lines, whole = read_lines(self.path / EPISODES)
+    def _files(self) -> list[Path]:
+        """What a run has left, all of it ordinary files."""
+        found = [file for name in (RUN, EPISODES, SUMMARY, TABLE) if os.path.lexists(file := self.path / name)]
+        require_ordinary(*found, *self.path.glob("plot_*.png"))
+        return found
+
+    def _take_up(self, record: RunRecord) -> int:
+        """Read what a run left, all of which must be of this run; return how many bytes of lines are whole."""
+        file = self.path / EPISODES
+        try:
+            content = read_bounded(file, LARGEST_LINES) if file.exists() else b""
+        except ValueError as error:
+            raise ValueError(f"{file}: {error}; {ANEW}") from None
+        whole = content.rfind(b"\n") + 1
         found = RunRecord.read(self.path)
-        if found is None and lines:
+        if found is None and whole:
             raise ValueError(f"--out {self.path} holds result lines, but no {RUN} that says of which run; {ANEW}")
         if found is not None and (differences := record.differences(found)):
             raise another_run(self.path, differences)
         places = set()
-        for number, line in enumerate(lines, start=1):
-            where = f"{self.path / EPISODES} line {number}"
-            if differences := record.line_differences(line):
-                raise ValueError(f"{where} is of another run: {told(differences)}; {ANEW}")
-            if line.place in places:
-                raise ValueError(f"{where} repeats {line.scenario}, {line.policy}, episode {line.episode}; {ANEW}")
-            places.add(line.place)
-        self.earlier = lines
-        self.torn = self._lines.tell() > whole
-        self._lines.truncate(whole)
+        try:
+            for number, line in read_lines(content):
+                if differences := record.line_differences(line):
+                    raise ValueError(f"line {number} is of another run: {told(differences)}")
+                if line.place in places:
+                    raise ValueError(f"line {number} repeats {line.scenario}, {line.policy}, episode {line.episode}")
+                places.add(line.place)
+                self.earlier.append(line)
+        except ValueError as error:
+            raise ValueError(f"{file} {error}; {ANEW}") from None
+        self.torn = len(content) > whole
+        return whole
 
     def _clear(self) -> None:
         # The record goes first: lines without one are never taken up by mistake.
@@ -132,18 +149,4 @@ class ResultFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._lines.close()
-
-
-def _lock(file: BinaryIO, path: Path) -> None:
-    """Keep other processes out until this one ends, in whatever way it ends."""
-    if sys.platform == "win32":
-        return
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise ValueError(
-            f"--out {path}: another process is writing there; wait for it, or name another folder"
-        ) from None
-    except OSError:
-        pass  # a file system without locks
+        self._open.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache
@@ -13,9 +14,18 @@ from typing import Any
 import lanekeep_agents
 import lanekeep_baselines
 import lanekeep_env
-from lanekeep_benchmarks.evaluate import EpisodeResult, episode_seed
+from lanekeep_benchmarks.evaluate import EpisodeResult, check_kinds, episode_seed, require_mapping
+from lanekeep_env.checks import from_mapping, require, shown
+from lanekeep_env.files import read_bounded
+from lanekeep_env.plain import parse_json
 
 RUN = "run.json"
+#: Bytes beyond which it is not read: hundreds of scenarios and policies fit.
+LARGEST_RECORD = 1 << 20
+#: Episodes of a run in all, over scenarios and policies: their results are kept in memory.
+MOST_EPISODES = 500_000
+#: Differences that an error tells.
+_TOLD = 6
 ANEW = "name another folder, or start anew there with --overwrite instead of --resume"
 
 #: What to do where a field differs. Options that are left out are those of the run in the folder.
@@ -29,6 +39,7 @@ _ADVICE = {
     "scenario_hash": "restore the scenario, or the file of its suite or road, as it was when the run began",
     "policy_sha256": "restore the policy's file as it was when the run began",
 }
+_ADVICE["metrics"] = _ADVICE["scenario_hash"]
 
 #: Name, found value, wanted value.
 Difference = tuple[str, Any, Any]
@@ -50,7 +61,7 @@ class RunRecord:
     """Everything that fixes the result lines of a run and their order in the report.
 
     ``road`` and ``suite_file`` are paths of files, None where the package's own is driven; ``policy_sha256`` tells
-    learned policies from others of their name.
+    learned policies from others of their name; ``metrics`` has the names of those of each scenario.
     """
 
     version: str
@@ -62,6 +73,7 @@ class RunRecord:
     seed: int
     scenario_hash: Mapping[str, str]
     policy_sha256: Mapping[str, str] = field(default_factory=dict)
+    metrics: Mapping[str, Sequence[str]] = field(default_factory=dict)
     suite_file: str | None = None
 
     def to_json(self) -> str:
@@ -76,26 +88,53 @@ class RunRecord:
             ValueError: it is not readable, or it was written by another version or other sources.
         """
         file = folder / RUN
-        if not file.is_file():
+        if not os.path.lexists(file):
             return None
         try:
-            values = json.loads(file.read_bytes())
-            for name, wanted in (("version", lanekeep_env.__version__), ("code", code_hash())):
-                if values[name] != wanted:
-                    raise another_run(folder, [(name, values[name], wanted)])
-            return cls(**values)
-        except (KeyError, TypeError, json.JSONDecodeError, UnicodeDecodeError) as error:
+            values = parse_json(read_bounded(file, LARGEST_RECORD))
+            require_mapping("the record", values)
+            foreign = [
+                (name, values[name], wanted)
+                for name, wanted in (("version", lanekeep_env.__version__), ("code", code_hash()))
+                if values[name] != wanted
+            ]
+            record = None if foreign else from_mapping(cls, values, "the record")
+            if record is not None:
+                record._check()
+        except KeyError as error:
+            raise ValueError(f"{file} is not the record of a run ({error} is missing); {ANEW}") from None
+        except (TypeError, ValueError) as error:
             raise ValueError(f"{file} is not the record of a run ({error}); {ANEW}") from None
+        if record is None:
+            raise another_run(folder, foreign[:1])
+        return record
+
+    def _check(self) -> None:
+        """Raise ValueError for a field that no run writes so."""
+        check_kinds(self)
+        require("episodes", self.episodes, "", at_least=1, at_most=MOST_EPISODES, whole=True)
+        require("seed", self.seed, "", at_least=0, whole=True)
+        for name in ("road", "suite_file"):
+            path = getattr(self, name)
+            if not (path is None or isinstance(path, str)):
+                raise ValueError(f"{name}={shown(path)} is not allowed: it must be a path or null")
+        _texts("policies", self.policies)
+        for name, kind in (("scenario_hash", _text), ("policy_sha256", _text), ("metrics", _texts)):
+            require_mapping(name, getattr(self, name))
+            for key, value in getattr(self, name).items():
+                kind(f"{name} of {shown(key)}", value)
 
     def differences(self, found: RunRecord) -> list[Difference]:
         """Return where the record in a folder is not this one; where road and suite files lie does not matter."""
         names = ("version", "code", "suite", "policies", "episodes", "seed")
         pairs: list[Difference] = [(name, getattr(found, name), getattr(self, name)) for name in names]
-        hashes = ["scenario_hash"] if found.suite == self.suite else []
+        hashes = ["scenario_hash", "metrics"] if found.suite == self.suite else []
         hashes += ["policy_sha256"] if found.policies == self.policies else []
         for kind in hashes:
             there, here = getattr(found, kind), getattr(self, kind)
-            pairs += [(f"{kind} of {name}", there.get(name), here.get(name)) for name in {**there, **here}]
+            for name in {**there, **here}:
+                plain = name if name in here else shown(name)
+                pairs.append((f"{kind} of {plain}", there.get(name), here.get(name)))
         return [pair for pair in pairs if pair[1] != pair[2]]
 
     def line_differences(self, line: EpisodeResult) -> list[Difference]:
@@ -111,12 +150,30 @@ class RunRecord:
             "seed": self.seed,
             "episode_seed": episode_seed(self.suite, line.scenario, line.episode, self.seed),
         }
-        return [(name, getattr(line, name), value) for name, value in wanted.items() if getattr(line, name) != value]
+        pairs = [(name, getattr(line, name), value) for name, value in wanted.items() if getattr(line, name) != value]
+        metrics = self.metrics.get(line.scenario, ())
+        pairs += [(f"metrics.{name}", "missing", "a number") for name in metrics if name not in line.metrics]
+        return pairs + [(f"metrics.{name}", "a number", "none") for name in line.metrics if name not in metrics]
+
+
+def _text(name: str, value: Any) -> None:
+    if not isinstance(value, str):
+        raise ValueError(f"{name}={shown(value)} is not allowed: it must be a text")
+
+
+def _texts(name: str, values: Any) -> None:
+    if not (isinstance(values, list) and values and all(isinstance(one, str) and one for one in values)):
+        raise ValueError(f"{name}={shown(values)} is not allowed: it must be a list of texts")
+    if len(set(values)) < len(values):
+        raise ValueError(f"{name}={shown(values)} is not allowed: the texts must differ")
 
 
 def told(differences: Sequence[Difference]) -> str:
     """Differences as one line."""
-    return "; ".join(f"{name} is {found!r} there, {wanted!r} wanted" for name, found, wanted in differences)
+    first = "; ".join(
+        f"{name} is {shown(found)} there, {shown(wanted)} wanted" for name, found, wanted in differences[:_TOLD]
+    )
+    return first + (f"; and {len(differences) - _TOLD} more" if len(differences) > _TOLD else "")
 
 
 def another_run(folder: Path, differences: Sequence[Difference]) -> ValueError:

@@ -43,7 +43,8 @@ def train(
     """
     with input_errors():
         try:
-            from lanekeep_agents.training import run as training
+            from lanekeep_agents.training.folder import policy_name, settings_in
+            from lanekeep_agents.training.run import run
             from lanekeep_agents.training.settings import changes_from, settings_for
         except ModuleNotFoundError as error:
             raise ImportError(f'{error.name} is missing: pip install "lanekeep[agents]"') from error
@@ -54,7 +55,7 @@ def train(
                 raise ValueError(
                     "--resume without ALGO and ENV goes on with the run in --out as it is: no other settings"
                 )
-            settings = training.settings_in(out)
+            settings = settings_in(out)
         elif algorithm is None or env_id is None:
             raise ValueError("ALGO and ENV are missing, e.g. lanekeep train ppo LaneKeep-v0")
         else:
@@ -63,12 +64,12 @@ def train(
                 settings = settings_for(algorithm, env_id, seed or 0, steps, **changes_from(changes or ()), **asked)
             except TypeError as error:
                 raise ValueError(error) from error
-        name = training.policy_name(settings)
+        name = policy_name(settings)
         folder = out or Path("results") / f"train-{name}"
     how = f"; to go on: lanekeep train --resume --out {shlex.quote(str(folder))}"
     with interruptible(how), input_errors(), disk_errors(how), _progress() as progress:
         task = progress.add_task(name, total=settings.steps, told="")
-        policy = training.run(
+        policy = run(
             settings,
             folder,
             resume=resume,
@@ -93,5 +94,6 @@ def _progress() -> Progress:
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     further = (TimeRemainingColumn(), TextColumn("{task.fields[told]}"))
-    # Where nobody watches, it would leave an empty line.
-    return Progress(*columns, *further, console=console, transient=True, disable=not console.is_terminal)
+    # Where nobody watches, it would leave an empty line; rich before 14.3 does so even where it is disabled.
+    console.quiet = not console.is_terminal
+    return Progress(*columns, *further, console=console, transient=True, disable=console.quiet)

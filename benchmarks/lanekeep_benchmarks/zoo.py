@@ -126,7 +126,7 @@ def zoo(
     Each policy drives the environment that it was trained on. lanekeep bench learned compares on cars that differ.
     """
     with interruptible(""), input_errors():
-        require("--episodes", episodes, "", at_least=1, whole=True)
+        require("--episodes", episodes, "", at_least=1, at_most=100_000, whole=True)
         with Console(stderr=True).status("driving") as status:
             found = []
             for entry in entries(episodes):

@@ -7,27 +7,20 @@ become SIMD code; what differs from lane to lane (crossing a segment, starting a
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numba import prange
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, kernel
 from lanekeep_env.envs.delay import acting_row, delay_commands
+from lanekeep_env.envs.observe import gather
 from lanekeep_env.envs.road_start import cross_segments, set_speeds, start_drive, start_lane
-from lanekeep_env.physics.integrate import (
-    advance_driven,
-    advance_front_driven,
-    advance_kinematic,
-    advance_kinematic_paced,
-    advance_linear,
-    advance_magic_formula,
-    show_driven,
-    show_front_driven,
-    show_kinematic,
-    show_kinematic_paced,
-    show_linear,
-    show_magic_formula,
-)
+from lanekeep_env.physics.integrate import DRIVEN, PACED, named
+from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.numeric import clip, larger, like, smaller
 from lanekeep_env.physics.powertrain import pull
 from lanekeep_env.sensing.camera import edge_distance
@@ -201,26 +194,12 @@ def _report(first, last, lanes, outcome):
         outcome[at.O_SUCCESS, i] = like(lanes[0, 0], 1.0) - lanes[at.DEPARTED, i]
 
 
-#: Channels that are rows of the state as they stand, without and with a camera.
-STATE_CHANNELS = 6
-CAMERA_CHANNELS = 5
-#: Channels of a full observation, and those of cars with a powertrain, behind the others.
-FULL_CHANNELS = 3
-DRIVE_ROWS = (
-    at.PULL,
-    at.PEDAL,
-    at.GEAR,
-    at.SET_SPEED,
-    at.LEAD_GAP,
-    at.LEAD_SPEED,
-    at.STOP_GAP,
-)
-
-
 @helper
-def _preview(first, last, samples, column, lanes, counters, road, settings, observation):
+def _preview(first, last, samples, lanes, counters, road, settings, observation):
     """Write curvature at the car and ahead of it, along the road at the present speed or at fixed distances."""
-    low, high = settings[at.BOUNDS + 2 * column], settings[at.BOUNDS + 2 * column + 1]
+    column = np.int64(settings[at.FIRST_PREVIEW])
+    place = at.CHANNELS + at.CHANNEL_SIZE * column
+    low, high = settings[place], settings[place + 1]
     rows = road.shape[0]
     for i in range(first, last):
         segment = counters[at.SEGMENT, i]
@@ -244,71 +223,23 @@ def _preview(first, last, samples, column, lanes, counters, road, settings, obse
 
 
 @helper
-def _observe(first, last, lanes, counters, road, settings, sensors, camera, drive, observation):
-    """Write the observations of lanes; the order is that of the scenario's channels."""
+def _observe(first, last, lanes, counters, road, settings, sensors, camera, observation):
+    """Write the observations of lanes: what their rows hold, the road ahead, and what sensors make of it."""
     # None or not is decided when the kernel is compiled, by the type of the argument.
-    if camera is None:
-        _observe_state(first, last, lanes, counters, road, settings, observation)
-    else:
-        _observe_edge(first, last, lanes, counters, road, settings, camera, observation)
-    if drive is not None:
-        _observe_drive(first, last, lanes, settings, observation)
+    if camera is not None:
+        for i in range(first, last):
+            lanes[at.EDGE, i] = edge_distance(i, lanes, counters, road, camera)
+    if settings[at.FULL] > like(settings[0], 0.0):
+        for i in range(first, last):
+            along = larger(lanes[at.ALONG, i], like(lanes[0, 0], 0.0))
+            lanes[at.CURVATURE_HERE, i] = lanes[at.CURVATURE, i] + lanes[at.CURVATURE_SLOPE, i] * along
+    gather(first, last, lanes, settings, observation)
+    samples = np.int64(settings[at.PREVIEW])
+    if samples > 0:
+        _preview(first, last, samples, lanes, counters, road, settings, observation)
     if sensors is not None:
         for i in range(first, last):
             measure(i, lanes, counters, settings, sensors, observation)
-
-
-@helper
-def _observe_state(first, last, lanes, counters, road, settings, observation):
-    """Write the channels of lane keeping."""
-    for channel in range(STATE_CHANNELS):
-        low, high = settings[at.BOUNDS + 2 * channel], settings[at.BOUNDS + 2 * channel + 1]
-        row = lanes[at.LATERAL + channel]
-        for i in range(first, last):
-            observation[i, channel] = clip(row[i], low, high)
-    samples = np.int64(settings[at.PREVIEW])
-    if samples > 0:
-        _preview(first, last, samples, np.int64(STATE_CHANNELS), lanes, counters, road, settings, observation)
-    if settings[at.FULL] > like(settings[0], 0.0):
-        channel = STATE_CHANNELS + samples
-        place = at.BOUNDS + 2 * channel
-        for i in range(first, last):
-            along = larger(lanes[at.ALONG, i], like(lanes[0, 0], 0.0))
-            kappa = lanes[at.CURVATURE, i] + lanes[at.CURVATURE_SLOPE, i] * along
-            observation[i, channel] = clip(lanes[at.SIDESLIP, i], settings[place], settings[place + 1])
-            observation[i, channel + 1] = clip(kappa, settings[place + 2], settings[place + 3])
-            observation[i, channel + 2] = clip(lanes[at.ACCELERATION, i], settings[place + 4], settings[place + 5])
-
-
-@helper
-def _observe_drive(first, last, lanes, settings, observation):
-    """Write the channels of pedals, gears and traffic, behind those of lane keeping."""
-    begin = STATE_CHANNELS + np.int64(settings[at.PREVIEW])
-    if settings[at.FULL] > like(settings[0], 0.0):
-        begin += FULL_CHANNELS
-    for i in range(first, last):
-        for k, row in enumerate(DRIVE_ROWS):
-            place = at.BOUNDS + 2 * (begin + k)
-            observation[i, begin + k] = clip(lanes[row, i], settings[place], settings[place + 1])
-
-
-@helper
-def _observe_edge(first, last, lanes, counters, road, settings, camera, observation):
-    """Write the channels of guidance by camera; the measured ones (edge, speed, steering angle) are `measure`'s."""
-    for i in range(first, last):
-        lanes[at.EDGE, i] = edge_distance(i, lanes, counters, road, camera)
-        command = CAMERA_CHANNELS - 1
-        place = at.BOUNDS + 2 * command
-        observation[i, command] = clip(lanes[at.COMMAND, i], settings[place], settings[place + 1])
-    samples = np.int64(settings[at.PREVIEW])
-    if samples > 0:
-        _preview(first, last, samples, np.int64(CAMERA_CHANNELS), lanes, counters, road, settings, observation)
-    if settings[at.FULL] > like(settings[0], 0.0):
-        for i in range(first, last):
-            for k, row in enumerate((at.LATERAL, at.HEADING, at.MOTOR)):
-                channel = CAMERA_CHANNELS + samples + k
-                place = at.BOUNDS + 2 * channel
-                observation[i, channel] = clip(lanes[row, i], settings[place], settings[place + 1])
 
 
 @helper
@@ -339,7 +270,7 @@ def _start(
     outcome[at.O_STEERING_RATE, i] = zero
     outcome[at.O_COST, i] = zero
     _report(i, i + 1, lanes, outcome)
-    _observe(i, i + 1, lanes, counters, road, settings, sensors, camera, drive, observation)
+    _observe(i, i + 1, lanes, counters, road, settings, sensors, camera, observation)
 
 
 @helper
@@ -422,154 +353,68 @@ def _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, t
     )
     begin = np.int64(0)  # a literal would be a type of its own and compile both functions twice
     _report(begin, n, block, told)
-    _observe(begin, n, block, counted, road, settings, sensors, camera, drive, seen)
+    _observe(begin, n, block, counted, road, settings, sensors, camera, seen)
     _restart(n, block, counted, road, roads, settings, sensors, camera, drive, timelines, seen, told)
 
 
-# One control step of the blocks ``begin`` to ``end``; one kernel a vehicle model, so that a process
-# compiles only what it uses. numba's cache wants kernels spelled out. ``equipment`` is (sensors, gear, camera, drive,
-# timelines), each None where the scenario has none: what it lacks is then no part of the kernel. (One tuple, since
-# numba takes a tenth of a microsecond to tell the type of a None.)
+@functools.cache
+def step_kernels(model: CarModel) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return the kernels of one control step of a vehicle model, on one thread and on several.
 
+    They step the blocks ``begin`` to ``end``. ``equipment`` is (sensors, gear, slip-speed floor, camera, drive,
+    timelines), each None where the scenario has none, or the usual one: what it lacks is then no part of the kernel.
+    (One tuple, since numba takes a tenth of a microsecond to tell the type of a None.)
+    """
+    advance, show, paced, driven = model.advance, model.show, model.pace == PACED, model.pace == DRIVEN
 
-@kernel()
-def step_kinematic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
-    for k in range(begin, end):
-        for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_kinematic(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
-            cross_segments(k, lanes, counters, road)
-        show_kinematic(lanes[k], settings)
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
+    @kernel()
+    @named(model.name)
+    def step(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
+        sensors, gear, floor, camera, drive, timelines = equipment
+        for k in range(begin, end):
+            if paced:
+                set_speeds(k, lanes, counters, settings)
+            if driven:
+                _surroundings(k, lanes, counters, settings, timelines)
+                substeps = _command_drive(k, lanes, counters, settings, action)
+            else:
+                substeps = _command(k, lanes, counters, settings, action)
+            for substep in range(substeps):
+                if driven:
+                    _pull(k, lanes, counters, settings, drive)
+                advance(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear, floor)
+                cross_segments(k, lanes, counters, road)
+            show(lanes[k], floor)
+            _finish(
+                k,
+                lanes,
+                counters,
+                road,
+                roads,
+                settings,
+                sensors,
+                camera,
+                drive,
+                timelines,
+                action,
+                observation,
+                outcome,
+            )
 
+    @kernel(parallel=True)
+    @named(model.name)
+    def step_parallel(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
+        for k in prange(begin, end):
+            step(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
 
-@kernel()
-def step_linear(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
-    for k in range(begin, end):
-        for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_linear(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
-            cross_segments(k, lanes, counters, road)
-        show_linear(lanes[k], settings)
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
-
-
-@kernel()
-def step_magic(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
-    for k in range(begin, end):
-        for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_magic_formula(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
-            cross_segments(k, lanes, counters, road)
-        show_magic_formula(lanes[k], settings)
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
-
-
-@kernel()
-def step_front_driven(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
-    for k in range(begin, end):
-        set_speeds(k, lanes, counters, settings)
-        for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_front_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
-            cross_segments(k, lanes, counters, road)
-        show_front_driven(lanes[k], settings)
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
-
-
-@kernel()
-def step_driven(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, drive, timelines = equipment
-    for k in range(begin, end):
-        _surroundings(k, lanes, counters, settings, timelines)
-        for substep in range(_command_drive(k, lanes, counters, settings, action)):
-            _pull(k, lanes, counters, settings, drive)
-            advance_driven(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
-            cross_segments(k, lanes, counters, road)
-        show_driven(lanes[k], settings)
-        _finish(
-            k, lanes, counters, road, roads, settings, sensors, camera, drive, timelines, action, observation, outcome
-        )
-
-
-@kernel()
-def step_kinematic_paced(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    sensors, gear, camera, _, _ = equipment
-    for k in range(begin, end):
-        set_speeds(k, lanes, counters, settings)
-        for substep in range(_command(k, lanes, counters, settings, action)):
-            advance_kinematic_paced(lanes[k], acting_row(substep, lanes[k], settings, at.COMMAND), settings, gear)
-            cross_segments(k, lanes, counters, road)
-        show_kinematic_paced(lanes[k], settings)
-        _finish(k, lanes, counters, road, roads, settings, sensors, camera, None, None, action, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_kinematic_parallel(
-    begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome
-):
-    for k in prange(begin, end):
-        step_kinematic(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_linear_parallel(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    for k in prange(begin, end):
-        step_linear(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_magic_parallel(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    for k in prange(begin, end):
-        step_magic(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_front_driven_parallel(
-    begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome
-):
-    for k in prange(begin, end):
-        step_front_driven(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_driven_parallel(begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome):
-    for k in prange(begin, end):
-        step_driven(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_kinematic_paced_parallel(
-    begin, end, lanes, counters, road, roads, settings, equipment, action, observation, outcome
-):
-    for k in prange(begin, end):
-        step_kinematic_paced(k, k + 1, lanes, counters, road, roads, settings, equipment, action, observation, outcome)
-
-
-#: Kernel of one control step by vehicle model, on one thread and on several.
-STEP = {
-    at.KINEMATIC: step_kinematic,
-    at.LINEAR: step_linear,
-    at.MAGIC_FORMULA: step_magic,
-    at.FRONT_DRIVEN: step_front_driven,
-    at.KINEMATIC_PACED: step_kinematic_paced,
-    at.DRIVEN: step_driven,
-}
-STEP_PARALLEL = {
-    at.KINEMATIC: step_kinematic_parallel,
-    at.LINEAR: step_linear_parallel,
-    at.MAGIC_FORMULA: step_magic_parallel,
-    at.FRONT_DRIVEN: step_front_driven_parallel,
-    at.KINEMATIC_PACED: step_kinematic_paced_parallel,
-    at.DRIVEN: step_driven_parallel,
-}
+    return step, step_parallel
 
 
 @kernel()
 def reset(mask, start, lanes, counters, road, roads, settings, equipment, observation, outcome):
     """Start the next episode where ``mask`` is set; ``start`` (4, n) fixes what is not NaN."""
     size = lanes.shape[2]
-    sensors, _, camera, drive, timelines = equipment
+    sensors, _, _, camera, drive, timelines = equipment
     for k in range(mask.shape[0]):
         if mask[k]:
             first = k // size * size

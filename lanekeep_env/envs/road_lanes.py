@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium.utils import seeding
 
 from lanekeep_env import layout as at
+from lanekeep_env.checks import shown
 from lanekeep_env.envs import road_kernel
+from lanekeep_env.envs.given_state import check_state, row_of
+from lanekeep_env.physics.integrate import DRIVEN
 from lanekeep_env.rendering.road_picture import Pose
 from lanekeep_env.roads import Road, RoadSpec, SetSpeeds, SpeedSpec, road_set
 from lanekeep_env.scenario import (
@@ -20,7 +23,6 @@ from lanekeep_env.scenario import (
     ReversePathScenario,
     RoadScenario,
 )
-from lanekeep_env.sensing import Sensor
 from lanekeep_env.sensing.measure import TRUTH
 
 ACTIONS = {"steering_angle": at.STEERING_ANGLE, "steering_rate": at.STEERING_RATE}
@@ -134,20 +136,19 @@ class RoadLanes:
             s.road, s.speed, s.road.fingerprint(), s.episode_steps * s.control_step, self.dtype
         )
         # Flat: numba cannot hand a tuple of tuples to several threads.
-        self.equipment = self.sensors, self.gear, self._camera(), *self._drive()
-        model = int(self.settings[at.MODEL])
-        self.step = road_kernel.STEP[model]
-        self.step_parallel = road_kernel.STEP_PARALLEL[model]
+        self.equipment = self.sensors, self.gear, s.integration.lowered_floor, self._camera(), *self._drive()
+        self.step, self.step_parallel = road_kernel.step_kernels(s.model)
 
     def _settings(self) -> np.ndarray:
         s = self.scenario
-        values = np.zeros(at.BOUNDS + 2 * self.num_channels, dtype=self.dtype)
+        values = np.zeros(at.CHANNELS + at.CHANNEL_SIZE * self.num_channels, dtype=self.dtype)
         steering = s.vehicle.steering
         rate_mode = s.action == "steering_rate"
         step = s.integration.step
-        values[at.STEP_TIME], values[at.SLIP_FLOOR] = step, s.integration.slip_speed_floor
+        values[at.STEP_TIME] = step
         values[at.SUBSTEPS] = round(s.control_step / step)
-        values[at.MODEL] = s.model
+        values[at.SLIPS], values[at.SATURATES] = s.model.slips, s.model.saturates
+        values[at.FRONT_SPEED], values[at.POWERED] = s.model.front_speed, s.model.pace == DRIVEN
         values[at.IDEAL_STEERING] = steering.lag == 0.0 and steering.rate_limit is None
         values[at.ACTION_KIND] = ACTIONS[s.action]
         values[at.ACTION_SCALE] = s.max_steering_rate if rate_mode else s.max_steering_angle
@@ -192,28 +193,16 @@ class RoadLanes:
         if longest > 0.0:
             values[at.DELAY_DEPTH] = round(longest / step) // values[at.SUBSTEPS] + 2
         values[at.HORIZON] = s.episode_steps
-        values[at.BOUNDS :] = s.channel_bounds().ravel()
+        values[at.CHANNELS :] = s.channel_table().ravel()
+        values[at.FIRST_PREVIEW] = s.column(s.preview_channel)
         return values
 
     def _sensors(self) -> np.ndarray | None:
-        """Numbers of the sensors, (channels, `layout.SENSOR_SIZE`), or None where all are perfect and always see."""
+        """Numbers of the sensors, or None where all are perfect and always see."""
         s = self.scenario
-        if not s.sensors and not any(measured.valid for measured in s.measured):
+        if not s.sensors and not any(channel.sensor and channel.sensor.valid for channel in s.channels):
             return None
-        given = dict(s.sensors)
-        column = {channel.name: k for k, channel in enumerate(s.channels)}
-        rows = [
-            (
-                *given.get(measured.name, Sensor()).numbers(s.control_step),
-                measured.source,
-                column[measured.name],
-                column[measured.valid] if measured.valid else -1,
-                measured.missing,
-                measured.holds,
-            )
-            for measured in s.measured
-        ]
-        return np.array(rows, dtype=self.dtype)
+        return s.sensor_table().astype(self.dtype)
 
     def _gear(self) -> np.ndarray | None:
         """Numbers of the steering gear, (`layout.GEAR_SIZE`,), or None without backlash."""
@@ -276,21 +265,38 @@ class RoadLanes:
             outcome,
         )
 
+    def check_state(self, state: Mapping[str, np.ndarray]) -> None:
+        """Raise ValueError for a state, of the right shapes, that no lane has."""
+        drive, timelines = self.equipment[-2:]
+        sizes: dict[int, np.ndarray | int] = {at.SEGMENT: len(self.road), at.ROAD: len(self.roads)}
+        further = {}
+        if drive is not None and timelines is not None:
+            sizes[at.TIMELINE] = len(timelines)
+            further[at.EVENT] = ("event", 0.0, float(timelines.shape[1]))
+            further[at.GEAR] = ("gear", 0.0, float(drive[at.D_GEARS]) - 1.0)
+        check_state(state, self.settings, sizes, further)
+        length = row_of(state["lanes"], at.SEGMENT_LENGTH, self.num_lanes)
+        along = row_of(state["lanes"], at.ALONG, self.num_lanes)
+        elsewhere = length != self.road[state["counters"][at.SEGMENT], at.R_LENGTH]
+        # Lanes that were never reset stand on no segment; others are at most on the way to the next one.
+        if (elsewhere & np.isfinite(length)).any() or (along > length + 100.0).any():
+            raise ValueError("state: a lane is not on its segment of the road")
+
     def _start(self, options: dict[str, Any]) -> np.ndarray:
         start = np.full((at.START_ROWS, self.num_lanes), np.nan)
         if not isinstance(options, dict):
-            raise ValueError(f"reset options={options!r} must be a mapping; allowed: {', '.join(START_OPTIONS)}")
+            raise ValueError(f"reset options={shown(options)} must be a mapping; allowed: {', '.join(START_OPTIONS)}")
         for key, value in options.items():
             if key not in START_OPTIONS:
-                raise ValueError(f"reset option {key!r} is unknown; allowed: {', '.join(START_OPTIONS)}")
+                raise ValueError(f"reset option {shown(key)} is unknown; allowed: {', '.join(START_OPTIONS)}")
             try:
                 start[START_OPTIONS.index(key)] = np.asarray(value, dtype=np.float64)
-            except (TypeError, ValueError):
+            except (TypeError, ValueError, OverflowError):
                 raise ValueError(
-                    f"reset option {key}={value!r} must be a number or one number a lane ({self.num_lanes})"
+                    f"reset option {key}={shown(value)} must be a number or one number a lane ({self.num_lanes})"
                 ) from None
             if not np.isfinite(start[START_OPTIONS.index(key)]).all():
-                raise ValueError(f"reset option {key}={value!r} must be finite; leave it out to have it drawn")
+                raise ValueError(f"reset option {key}={shown(value)} must be finite; leave it out to have it drawn")
         index, station = start[3], start[2]
         if np.any((index < 0) | (index >= len(self.roads)) | (index % 1 > 0)):
             raise ValueError(f"reset option road_index must be a whole number from 0 to {len(self.roads) - 1}")
@@ -310,7 +316,7 @@ class RoadLanes:
         block, i = divmod(lane, self.lanes.shape[2])
         car = self.lanes[block, :, i].tolist()
         road, _ = self.road_set()[int(self.counters[at.ROAD, lane])]
-        edge = car[at.EDGE] if self.equipment[2] is not None else None
+        edge = car[at.EDGE] if self.equipment[3] is not None else None
         return Pose(
             road=road,
             s=car[at.STATION] + car[at.ALONG],

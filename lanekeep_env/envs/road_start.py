@@ -100,7 +100,7 @@ def draw_car(i, key, lanes, settings):
     than `FRICTION_SHARE` of the friction, so that every episode can be driven.
     """
     mass_factor, shift = _within(key, np.int64(0), settings), _within(key, np.int64(4), settings)
-    if settings[at.MODEL] == at.FRONT_DRIVEN or settings[at.MODEL] == at.KINEMATIC_PACED:
+    if settings[at.NOMINAL + 3] == 0.0:
         shift = 0.0  # the reference point is the rear axle
     mass = settings[at.NOMINAL] * mass_factor
     front, rear = settings[at.NOMINAL + 2] - shift, settings[at.NOMINAL + 3] + shift
@@ -125,7 +125,7 @@ def draw_car(i, key, lanes, settings):
     factor = speed * speed
     demand = settings[at.LATERAL_LIMIT] * factor
     grip = FRICTION_SHARE * friction * GRAVITY
-    if settings[at.MODEL] == at.MAGIC_FORMULA and demand > grip:
+    if settings[at.SATURATES] > 0.0 and demand > grip:
         factor *= grip / demand
     lanes[at.SPEED_FACTOR, i] = factor
 
@@ -180,10 +180,8 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
     if settings[at.SPEED_HIGH] > 0.0:
         target = set_speed(i, key, np.int64(0), lanes, settings)
         v = min(target, v)
-    model = settings[at.MODEL]
-    if model == at.DRIVEN:
+    if settings[at.POWERED] > 0.0:
         v = target = np.float64(lanes[at.SET_SPEED, i])  # of `start_drive`
-    slips = model == at.LINEAR or model == at.MAGIC_FORMULA or model == at.DRIVEN
     steer, beta, r = steady_turning(
         v,
         np.float64(lanes[at.CURVATURE, i]) + lanes[at.CURVATURE_SLOPE, i] * along,
@@ -192,11 +190,11 @@ def start_lane(i, lateral, heading, station, road_index, lanes, counters, road, 
         1.0 / np.float64(lanes[at.CAR + 2, i]),
         np.float64(lanes[at.CAR + 4, i]),
         np.float64(lanes[at.CAR + 5, i]),
-        not slips,
+        settings[at.SLIPS] == 0.0,
     )
     steer = clip(steer, -np.float64(settings[at.COMMAND_LIMIT]), np.float64(settings[at.COMMAND_LIMIT]))
     forward = v
-    if settings[at.MODEL] == at.FRONT_DRIVEN:  # v is the front wheels'
+    if settings[at.FRONT_SPEED] > 0.0:  # v is the front wheels'
         forward, r = v * np.cos(steer), v * np.sin(steer) / np.float64(lanes[at.CAR, i] + lanes[at.CAR + 1, i])
     if np.isnan(lateral):
         lateral = (2.0 * uniform(key, DRAW_LATERAL) - 1.0) * settings[at.START_LATERAL]

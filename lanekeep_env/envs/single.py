@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -10,7 +11,7 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose
+from lanekeep_env.checks import choose, shown
 from lanekeep_env.rendering.window import Window
 from lanekeep_env.scenario import Channel
 
@@ -74,7 +75,7 @@ class SingleEnv(gym.Env[np.ndarray, np.ndarray]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start an episode: the first one of ``seed``, or the next one of the running sequence."""
-        super().reset(seed=None if seed is None else int(seed))
+        super().reset(seed=seed_from(seed))
         core = self._core
         if seed is not None or not core.seeded:
             core.set_key(0, self.np_random)
@@ -112,7 +113,9 @@ class SingleEnv(gym.Env[np.ndarray, np.ndarray]):
         """
         given = action if isinstance(action, np.ndarray) else np.asarray(action)
         if given.shape != self._shape:
-            raise ValueError(f"action={action!r} has shape {given.shape}; it must have shape {self._shape}, in [-1, 1]")
+            raise ValueError(
+                f"action={shown(action)} has shape {given.shape}; it must have shape {self._shape}, in [-1, 1]"
+            )
         try:
             if self._shape == (1,):
                 self._action[0] = value = float(given.item())
@@ -120,9 +123,9 @@ class SingleEnv(gym.Env[np.ndarray, np.ndarray]):
                 self._action[:] = given
                 value = float(self._action.sum())
         except (TypeError, ValueError):
-            raise ValueError(f"action={action!r} is not a number; it must be one in [-1, 1]") from None
+            raise ValueError(f"action={shown(action)} is not a number; it must be one in [-1, 1]") from None
         if value != value:
-            raise ValueError(f"action={action!r} is NaN; it must be a number in [-1, 1]")
+            raise ValueError(f"action={shown(action)} is NaN; it must be a number in [-1, 1]")
         try:
             self._step(*self._arguments)
         except AttributeError:
@@ -168,6 +171,14 @@ class SingleEnv(gym.Env[np.ndarray, np.ndarray]):
             "is_success": success > 0.0,
             "termination": int(ended),
         }
+
+
+def seed_from(value: Any) -> int | None:
+    """Read a seed: None or a whole number, of which Gymnasium refuses those below zero."""
+    try:
+        return None if value is None else operator.index(value)
+    except TypeError:
+        raise ValueError(f"seed={shown(value)} is not allowed: it must be a whole number >= 0 or None") from None
 
 
 def check_modes(render_mode: str | None, dtype: str) -> None:

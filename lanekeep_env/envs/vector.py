@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -13,8 +13,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, require
-from lanekeep_env.envs.single import AnyScenario, SingleEnv, check_modes, observation_space
+from lanekeep_env.checks import choose, require, shown
+from lanekeep_env.envs.single import AnyScenario, SingleEnv, check_modes, observation_space, seed_from
 from lanekeep_env.scenario import Channel
 
 _AUTORESET = {
@@ -22,6 +22,8 @@ _AUTORESET = {
     "same_step": (at.SAME_STEP, AutoresetMode.SAME_STEP),
     "disabled": (at.NO_AUTORESET, AutoresetMode.DISABLED),
 }
+#: Lanes of one environment: what they take is within a few GB.
+MOST_LANES = 1_000_000
 _OWN_KEYWORDS = ("max_episode_steps", "autoreset_mode", "dtype", "num_threads", "render_mode")
 
 
@@ -66,7 +68,7 @@ class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         render_mode: str | None = None,
         **scenario: Any,
     ) -> None:
-        require("num_envs", num_envs, "", at_least=1, whole=True)
+        require("num_envs", num_envs, "", at_least=1, at_most=MOST_LANES, whole=True)
         require("num_threads", num_threads, "", at_least=1, at_most=numba.config.NUMBA_NUM_THREADS, whole=True)
         max_episode_steps = None if max_episode_steps == -1 else max_episode_steps  # as in gym.make
         require("max_episode_steps", max_episode_steps, "steps", at_least=1, whole=True, optional=True)
@@ -111,15 +113,16 @@ class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start an episode in every lane, or in those of ``options["reset_mask"]``."""
         if not isinstance(options, dict | None):
-            raise ValueError(f"reset options={options!r} must be a mapping")
+            raise ValueError(f"reset options={shown(options)} must be a mapping")
         options = dict(options or {})
         mask = self._mask(options.pop("reset_mask", None))
         core = self._core
-        if seed is None or isinstance(seed, (int, np.integer)):
-            super().reset(seed=None if seed is None else int(seed))
-            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        if not isinstance(seed, Iterable):
+            first = seed_from(seed)
+            super().reset(seed=first)
+            seeds = [None if first is None else first + i for i in range(self.num_envs)]
         else:
-            seeds = [None if s is None else int(s) for s in seed]
+            seeds = [seed_from(one) for one in seed]
             if len(seeds) != self.num_envs:
                 raise ValueError(f"seed has {len(seeds)} entries; it must be one number or {self.num_envs} of them")
         if seed is not None or not core.seeded:
@@ -133,7 +136,9 @@ class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if mask is None:
             return self._everyone
         if not isinstance(mask, np.ndarray) or mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
-            raise ValueError(f"options['reset_mask'] must be a bool array of shape ({self.num_envs},), got {mask!r}")
+            raise ValueError(
+                f"options['reset_mask'] must be a bool array of shape ({self.num_envs},), got {shown(mask)}"
+            )
         if not mask.any():
             raise ValueError("options['reset_mask'] must select at least one lane")
         return mask
@@ -185,7 +190,7 @@ class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Go on from what `get_state` returned, in this or another environment of the same scenario, lanes and dtype.
 
         Raises:
-            ValueError: an array is missing, or its shape or dtype is another.
+            ValueError: an array is missing, or its shape or dtype is another, or a number is none of a lane.
         """
         wanted = {name: getattr(self._core, name) for name in self._core.moving}
         if set(state) != set(wanted):
@@ -197,6 +202,7 @@ class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                     f"state[{name!r}] is {given.dtype} {given.shape}; it must be {array.dtype} {array.shape}: take it "
                     "from an environment of the same scenario, number of lanes and dtype"
                 )
+        self._core.check_state(state)
         for name, array in wanted.items():
             array[...] = state[name]
         self._core.seeded = True

@@ -7,20 +7,21 @@ as SIMD code over the lanes of a block; rays, cones and contact as SIMD code ove
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numba import prange
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, kernel
 from lanekeep_env.envs.delay import acting_row, delay_commands
+from lanekeep_env.envs.observe import gather
 from lanekeep_env.envs.road_start import set_speeds
 from lanekeep_env.envs.wall_start import follow, look_around, servo_angle, start_between_walls
-from lanekeep_env.physics.integrate import (
-    advance_kinematic_paced,
-    advance_linear_paced,
-    show_kinematic_paced,
-    show_linear_paced,
-)
+from lanekeep_env.physics.integrate import named
+from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.numeric import clip, like, sin_cos, smaller, wrapped
 from lanekeep_env.sensing.measure import measure
 from lanekeep_env.sensing.scan import take_scan
@@ -28,8 +29,6 @@ from lanekeep_env.tasks.divergence import DIVERGED, are_finite
 from lanekeep_env.tasks.wall_driving import judge_circuit, judge_following
 from lanekeep_env.walls.contact import clearance, sweeps
 
-#: Scalar channels before those of a task: three distances, yaw rate, speed, steering angle and command.
-SCALAR_CHANNELS = 7
 #: Of ultrasonics, m, where there is no echo.
 NO_ECHO = 6.0
 
@@ -44,7 +43,7 @@ def _command(k, lanes, counters, settings, servo, action):
     one, zero = like(limit, 1.0), like(limit, 0.0)
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     as_rate = settings[at.ACTION_KIND] > zero
-    slowest = zero if settings[at.MODEL] == at.LINEAR else -one  # the dynamic car does not know backwards
+    slowest = zero if settings[at.SLIPS] > zero else -one  # the dynamic car does not know backwards
     block = lanes[k]
     for i in range(min(lanes.shape[2], total - first)):
         alive = block[at.DONE, i] == zero
@@ -116,8 +115,8 @@ def _count(i, lanes, settings):
 @helper
 def _report(i, lateral, heading, lanes, settings, outcome):
     """Copy the truth that a state decides; on a circuit a success is a lap, or as many as are asked for."""
-    outcome[at.O_LATERAL_ERROR, i] = lateral
-    outcome[at.O_HEADING_ERROR, i] = heading
+    lanes[at.ERROR, i] = outcome[at.O_LATERAL_ERROR, i] = lateral
+    lanes[at.TURNED, i] = outcome[at.O_HEADING_ERROR, i] = heading
     outcome[at.O_LATERAL_ACCELERATION, i] = lanes[at.ACCELERATION, i]
     outcome[at.O_SPEED, i] = lanes[at.SPEED, i]
     outcome[at.O_ARC_LENGTH, i] = lanes[at.STATION, i]
@@ -282,21 +281,12 @@ def _drive(i, lanes, counters, worlds, settings, outcome, block):
 
 
 @helper
-def _observe(i, lane, lanes, counters, worlds, settings, sensors, numbers, scan, outcome, observation, block):
-    """Write the observation of lane i, ``lane`` in the environment; the order is that of the scenario's channels.
+def _observe(i, lane, lanes, counters, worlds, settings, sensors, numbers, scan, observation, block):
+    """Write the observation of lane i, ``lane`` in the environment.
 
     ``numbers`` is the scan's first array, or None without a scan: known when this is compiled.
     """
     walls, index, _, _, _ = worlds
-    channel = SCALAR_CHANNELS - 1
-    place = at.BOUNDS + 2 * channel
-    observation[i, channel] = clip(lanes[at.COMMAND, i], settings[place], settings[place + 1])
-    channel += 1
-    if settings[at.LARGEST_SPEED] > 0.0:
-        place = at.BOUNDS + 2 * channel
-        observation[i, channel] = clip(lanes[at.SPEED_TARGET, i], settings[place], settings[place + 1])
-        channel += 1
-    renewed = False
     if numbers is not None:
         which = counters[at.ROAD, i]
         sine, cosine = sin_cos(lanes[at.HEADING, i])
@@ -304,19 +294,11 @@ def _observe(i, lane, lanes, counters, worlds, settings, sensors, numbers, scan,
         y = lanes[at.LATERAL, i] + settings[at.FRONT_ARM] * sine
         first, glass = index[which, at.I_FIRST], index[which, at.I_GLASS]
         renewed = take_scan(i, lane, x, y, cosine, sine, lanes, counters, walls, first, glass, scan, block)
-        held = scan[4][lane]
+        lanes[at.SCAN_NEW, i] = like(lanes[0, 0], 1.0 if renewed else 0.0)
+        held, column = scan[4][lane], np.int64(settings[at.FIRST_PREVIEW])
         for beam in range(held.shape[0]):
-            observation[i, channel + beam] = held[beam]
-        channel += held.shape[0]
-    if settings[at.FULL] > 0.0:
-        place = at.BOUNDS + 2 * channel
-        observation[i, channel] = clip(outcome[at.O_LATERAL_ERROR, i], settings[place], settings[place + 1])
-        observation[i, channel + 1] = clip(outcome[at.O_HEADING_ERROR, i], settings[place + 2], settings[place + 3])
-        observation[i, channel + 2] = clip(lanes[at.CLEARANCE, i], settings[place + 4], settings[place + 5])
-        observation[i, channel + 3] = clip(lanes[at.STEER_OFFSET, i], settings[place + 6], settings[place + 7])
-        channel += 4
-    if numbers is not None and numbers[at.SCAN_PERIOD] > 1.0:
-        observation[i, channel] = 1.0 if renewed else 0.0
+            observation[i, column + beam] = held[beam]
+    gather(i, i + 1, lanes, settings, observation)
     measure(i, lanes, counters, settings, sensors, observation)
 
 
@@ -325,7 +307,7 @@ def _start(
     i, lane, lateral, heading, place, world, lanes, counters, worlds, settings, equipment, observation, outcome, block
 ):
     """Start the next episode of a lane: state, truth and observation."""
-    sensors, _, servo, numbers, beams, rows, fan, held = equipment
+    sensors, _, _, servo, numbers, beams, rows, fan, held = equipment
     walls, index, _, _, scratch = worlds
     counters[at.EPISODE, i] += 1
     start_between_walls(i, lateral, heading, place, world, lanes, counters, worlds, settings, servo, block)
@@ -338,7 +320,7 @@ def _start(
     _, aside, turned = _follow_line(i, lanes, counters, worlds, settings)
     _report(i, aside, turned, lanes, settings, outcome)
     scan = (numbers, beams, rows, fan, held)
-    _observe(i, lane, lanes, counters, worlds, settings, sensors, numbers, scan, outcome, observation, block)
+    _observe(i, lane, lanes, counters, worlds, settings, sensors, numbers, scan, observation, block)
 
 
 @helper
@@ -347,7 +329,7 @@ def _finish(k, lanes, counters, worlds, settings, equipment, observation, outcom
     begin = k * lanes.shape[2]
     end = min(begin + lanes.shape[2], counters.shape[1])
     block, counted, told, seen = lanes[k], counters[:, begin:end], outcome[:, begin:end], observation[begin:end]
-    sensors, _, _, numbers, beams, rows, fan, held = equipment
+    sensors, _, _, _, numbers, beams, rows, fan, held = equipment
     scan = (numbers, beams, rows, fan, held)
     mode = np.int64(settings[at.AUTORESET])
     zero, one, nan = like(block[0, 0], 0.0), like(block[0, 0], 1.0), np.nan
@@ -355,7 +337,7 @@ def _finish(k, lanes, counters, worlds, settings, equipment, observation, outcom
         _drive(i, block, counted, worlds, settings, told, k)
         over = block[at.DONE, i] > zero
         if mode != at.NEXT_STEP or not over:
-            _observe(i, begin + i, block, counted, worlds, settings, sensors, numbers, scan, told, seen, k)
+            _observe(i, begin + i, block, counted, worlds, settings, sensors, numbers, scan, seen, k)
         starts = False
         if over:
             told[at.O_REWARD, i] = zero  # the episode is over; its end was paid for
@@ -375,48 +357,36 @@ def _finish(k, lanes, counters, worlds, settings, equipment, observation, outcom
             _start(i, begin + i, nan, nan, nan, nan, block, counted, worlds, settings, equipment, seen, told, k)
 
 
-# One kernel a vehicle model. ``worlds`` is (walls, index, centre lines, starts, scratch), ``equipment`` (sensors, gear,
-# servo, and five arrays of the scan), all but the first None where the scenario has none; flat, since numba's threads
-# take no tuple within a tuple.
+@functools.cache
+def step_kernels(model: CarModel) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return the kernels of one control step of a vehicle model, on one thread and on several.
 
+    ``worlds`` is (walls, index, centre lines, starts, scratch), ``equipment`` (sensors, gear, slip-speed floor, servo,
+    and five arrays of the scan), all but the first None where the scenario has none; flat, since numba's threads take
+    no tuple within a tuple.
+    """
+    advance, show = model.advance, model.show
 
-@kernel()
-def step_kinematic(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    gear, servo = equipment[1], equipment[2]
-    for k in range(begin, end):
-        set_speeds(k, lanes, counters, settings)
-        for substep in range(_command(k, lanes, counters, settings, servo, action)):
-            advance_kinematic_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear)
-        show_kinematic_paced(lanes[k], settings)
-        _finish(k, lanes, counters, worlds, settings, equipment, observation, outcome)
+    @kernel()
+    @named(model.name)
+    def step_between_walls(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
+        gear, floor, servo = equipment[1], equipment[2], equipment[3]
+        for k in range(begin, end):
+            set_speeds(k, lanes, counters, settings)
+            for substep in range(_command(k, lanes, counters, settings, servo, action)):
+                advance(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear, floor)
+            show(lanes[k], floor)
+            _finish(k, lanes, counters, worlds, settings, equipment, observation, outcome)
 
+    @kernel(parallel=True)
+    @named(model.name)
+    def step_between_walls_parallel(
+        begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome
+    ):
+        for k in prange(begin, end):
+            step_between_walls(k, k + 1, lanes, counters, worlds, settings, equipment, action, observation, outcome)
 
-@kernel()
-def step_linear(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    gear, servo = equipment[1], equipment[2]
-    for k in range(begin, end):
-        set_speeds(k, lanes, counters, settings)
-        for substep in range(_command(k, lanes, counters, settings, servo, action)):
-            advance_linear_paced(lanes[k], acting_row(substep, lanes[k], settings, at.SERVO), settings, gear)
-        show_linear_paced(lanes[k], settings)
-        _finish(k, lanes, counters, worlds, settings, equipment, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_kinematic_parallel(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    for k in prange(begin, end):
-        step_kinematic(k, k + 1, lanes, counters, worlds, settings, equipment, action, observation, outcome)
-
-
-@kernel(parallel=True)
-def step_linear_parallel(begin, end, lanes, counters, worlds, settings, equipment, action, observation, outcome):
-    for k in prange(begin, end):
-        step_linear(k, k + 1, lanes, counters, worlds, settings, equipment, action, observation, outcome)
-
-
-#: Kernel of one control step by vehicle model, on one thread and on several.
-STEP = {at.KINEMATIC: step_kinematic, at.LINEAR: step_linear}
-STEP_PARALLEL = {at.KINEMATIC: step_kinematic_parallel, at.LINEAR: step_linear_parallel}
+    return step_between_walls, step_between_walls_parallel
 
 
 @kernel()

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium.utils import seeding
 
 from lanekeep_env import layout as at
+from lanekeep_env.checks import shown
 from lanekeep_env.envs import wall_kernel
+from lanekeep_env.envs.given_state import check_state
 from lanekeep_env.envs.road_lanes import ACTIONS, BLOCK, DEPARTURES
 from lanekeep_env.rendering.wall_picture import WallPose
 from lanekeep_env.scenario.walls import CircuitScenario, WallFollowScenario
-from lanekeep_env.sensing import Sensor
 from lanekeep_env.sensing.measure import TRUTH
 from lanekeep_env.walls import World, WorldRecord, pack
 from lanekeep_env.walls.raycast import SCRATCH_ROWS, beam_table
@@ -96,7 +97,7 @@ class WallLanes:
         self.settings[at.AUTORESET] = autoreset
         self.settings[at.MAX_STEPS] = max_steps or np.inf
         blocks = -(-num_lanes // BLOCK)
-        self.sensors = self._sensors()
+        self.sensors = scenario.sensor_table().astype(dtype)
         rows = at.LANE_ROWS + int(self.settings[at.DELAY_DEPTH]) + int((TRUTH + 1 + self.sensors[:, 4]).sum())
         self.lanes = np.zeros((blocks, rows, -(-num_lanes // blocks)), dtype=dtype)
         self.lanes[:, at.SPEED_SQUARED] = np.inf
@@ -127,10 +128,14 @@ class WallLanes:
         gear = None
         if steering.backlash > 0.0:
             gear = np.array([steering.backlash / 2, steering.feedback == "motor"], dtype=self.dtype)
-        self.equipment = self.sensors, gear, s.servo.table(self._limit()), *self._scan(scratch)
-        model = int(self.settings[at.MODEL])
-        self.step = wall_kernel.STEP[model]
-        self.step_parallel = wall_kernel.STEP_PARALLEL[model]
+        self.equipment = (
+            self.sensors,
+            gear,
+            s.integration.lowered_floor,
+            s.servo.table(self._limit()),
+            *self._scan(scratch),
+        )
+        self.step, self.step_parallel = wall_kernel.step_kernels(s.model)
 
     @property
     def state(self) -> tuple[Any, ...]:
@@ -144,11 +149,11 @@ class WallLanes:
     def _settings(self) -> np.ndarray:
         s, car, steering = self.scenario, self.scenario.vehicle, self.scenario.vehicle.steering
         step = s.integration.step
-        values = np.zeros(at.BOUNDS + 2 * self.num_channels, dtype=self.dtype)
+        values = np.zeros(at.CHANNELS + at.CHANNEL_SIZE * self.num_channels, dtype=self.dtype)
         rate_mode = s.action == "steering_rate"
-        values[at.STEP_TIME], values[at.SLIP_FLOOR] = step, s.integration.slip_speed_floor
+        values[at.STEP_TIME] = step
         values[at.SUBSTEPS] = round(s.control_step / step)
-        values[at.MODEL] = s.model
+        values[at.SLIPS], values[at.SATURATES] = s.model.slips, s.model.saturates
         values[at.IDEAL_STEERING] = steering.lag == 0.0 and steering.rate_limit is None
         values[at.ACTION_KIND] = ACTIONS[s.action]
         values[at.ACTION_SCALE] = s.max_steering_rate if rate_mode else s.max_steering_angle
@@ -192,26 +197,9 @@ class WallLanes:
         values[at.BODY] = 0.5 * (front - rear)
         values[at.BODY + 1], values[at.BODY + 2] = 0.5 * car.length, 0.5 * car.width
         values[at.FRONT_ARM] = values[at.BODY] + 0.5 * car.length
-        values[at.BOUNDS :] = s.channel_bounds().ravel()
+        values[at.CHANNELS :] = s.channel_table().ravel()
+        values[at.FIRST_PREVIEW] = s.column("scan_0")
         return values
-
-    def _sensors(self) -> np.ndarray:
-        """Numbers of the scalar sensors, (channels, `layout.SENSOR_SIZE`)."""
-        s = self.scenario
-        given = dict(s.sensors)
-        column = {channel.name: k for k, channel in enumerate(s.channels)}
-        rows = [
-            (
-                *given.get(measured.name, Sensor()).numbers(s.control_step),
-                measured.source,
-                column[measured.name],
-                -1,
-                measured.missing,
-                measured.holds,
-            )
-            for measured in s.measured
-        ]
-        return np.array(rows, dtype=self.dtype)
 
     def _scan(self, scratch: np.ndarray) -> tuple[np.ndarray | None, ...]:
         """The scan's numbers, beams, scratch arrays and the ranges shown last, or None for each without a scan."""
@@ -250,26 +238,33 @@ class WallLanes:
         if options and not options.keys().isdisjoint(START_OPTIONS[:2]):
             blocked = np.flatnonzero(mask & (self.lanes[:, at.BLOCKED].reshape(-1)[: self.num_lanes] > 0.0))
             if len(blocked):
-                asked = ", ".join(f"{key}={options[key]!r}" for key in START_OPTIONS if key in options)
+                asked = ", ".join(f"{key}={shown(options[key])}" for key in START_OPTIONS if key in options)
                 raise ValueError(
                     f"reset options {asked}: the car of lane {blocked[0]} would stand in or beyond a wall there"
                 )
 
+    def check_state(self, state: Mapping[str, np.ndarray]) -> None:
+        """Raise ValueError for a state, of the right shapes, that no lane has."""
+        index = self.worlds[1]
+        check_state(state, self.settings, {at.ROAD: len(index)}, {})
+        segments = np.maximum(index[state["counters"][at.ROAD], at.I_POINTS] - 1, 1)
+        check_state(state, self.settings, {at.SEGMENT: segments}, {})
+
     def _start(self, options: dict[str, Any]) -> np.ndarray:
         start = np.full((at.START_ROWS, self.num_lanes), np.nan)
         if not isinstance(options, dict):
-            raise ValueError(f"reset options={options!r} must be a mapping; allowed: {', '.join(START_OPTIONS)}")
+            raise ValueError(f"reset options={shown(options)} must be a mapping; allowed: {', '.join(START_OPTIONS)}")
         for key, value in options.items():
             if key not in START_OPTIONS:
-                raise ValueError(f"reset option {key!r} is unknown; allowed: {', '.join(START_OPTIONS)}")
+                raise ValueError(f"reset option {shown(key)} is unknown; allowed: {', '.join(START_OPTIONS)}")
             try:
                 start[START_OPTIONS.index(key)] = np.asarray(value, dtype=np.float64)
-            except (TypeError, ValueError):
+            except (TypeError, ValueError, OverflowError):
                 raise ValueError(
-                    f"reset option {key}={value!r} must be a number or one number a lane ({self.num_lanes})"
+                    f"reset option {key}={shown(value)} must be a number or one number a lane ({self.num_lanes})"
                 ) from None
             if not np.isfinite(start[START_OPTIONS.index(key)]).all():
-                raise ValueError(f"reset option {key}={value!r} must be finite; leave it out to have it drawn")
+                raise ValueError(f"reset option {key}={shown(value)} must be finite; leave it out to have it drawn")
         index = self.worlds[1]
         for key, row, count in (("start_index", 2, int(index[:, at.I_STARTS].min())), ("world_index", 3, len(index))):
             if np.any((start[row] < 0) | (start[row] >= count) | (start[row] % 1 > 0)):

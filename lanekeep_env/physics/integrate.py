@@ -19,20 +19,12 @@ import numpy as np
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
 from lanekeep_env.physics.numeric import clip, larger, like, smaller, wrapped
-from lanekeep_env.physics.single_track import (
-    dynamic_linear,
-    dynamic_magic_formula,
-    front_driven,
-    front_driven_outputs,
-    kinematic,
-    kinematic_outputs,
-    linear_outputs,
-    magic_formula_outputs,
-)
 from lanekeep_env.physics.steering import advance_gear, advance_steering
 
 #: A sideslip (rad) and a yaw rate (rad/s) at which a diverging car is held, so that numbers stay finite.
 LARGEST_SIDESLIP, LARGEST_YAW_RATE = 3.141592653589793, 50.0
+#: Where a car's speed comes from: the road's profile, set speeds that it approaches, or a powertrain.
+PROFILE, PACED, DRIVEN = 0, 1, 2
 #: No car goes faster, m/s; speeds are observed up to it.
 LARGEST_SPEED = 100.0
 
@@ -50,7 +42,7 @@ def _profile_speed(along, speed_squared, slope):
     return np.sqrt(_not_negative(squared))
 
 
-def _named(model: Callable[..., Any], paced: bool, driven: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def named(name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Give a closure a name of its own before it is compiled.
 
     Compiled code is linked by qualified name: kernels that different processes cached would otherwise
@@ -58,25 +50,24 @@ def _named(model: Callable[..., Any], paced: bool, driven: bool) -> Callable[[Ca
     """
 
     def rename(function: Callable[..., Any]) -> Callable[..., Any]:
-        function.__qualname__ = function.__name__ = (
-            f"{function.__name__}_{model.__name__}{'_paced' * paced}{'_driven' * driven}"
-        )
+        function.__qualname__ = function.__name__ = f"{function.__name__}_{name}"
         return function
 
     return rename
 
 
-def integrator(rates: Callable[..., Any], paced: bool = False, driven: bool = False) -> Callable[..., Any]:
-    """Return the compiled loop that advances a block of lanes with a vehicle model of `single_track`."""
+def integrator(rates: Callable[..., Any], pace: int, name: str) -> Callable[..., Any]:
+    """Return the compiled loop that advances a block of lanes by ``rates``, a function of `single_track`."""
+    paced, driven = pace == PACED, pace == DRIVEN
 
     @inline
-    @_named(rates, paced, driven)
+    @named(name)
     def stage(along, d, theta, beta, r, steer, v, curvature, slope, car):
         return rates(d, theta, beta, r, steer, v, curvature + slope * _not_negative(along), car)
 
     @helper
-    @_named(rates, paced, driven)
-    def advance(lanes, command_row, settings, gear):
+    @named(name)
+    def advance(lanes, command_row, settings, gear, floor):
         """Advance the lanes of a block by one sub-step, in place; ``command_row`` holds the steering command."""
         along_, d_, theta_ = lanes[at.ALONG], lanes[at.LATERAL], lanes[at.HEADING]
         beta_, r_, steer_, command_ = lanes[at.SIDESLIP], lanes[at.YAW_RATE], lanes[at.STEER], lanes[command_row]
@@ -88,7 +79,7 @@ def integrator(rates: Callable[..., Any], paced: bool = False, driven: bool = Fa
         response_, change_ = lanes[at.STEER_RESPONSE], lanes[at.STEER_CHANGE]
         motor_, share_ = lanes[at.MOTOR], lanes[at.STEER_GAIN]
         pace_, target_, pull_ = lanes[at.SPEED], lanes[at.SPEED_TARGET], lanes[at.PULL]
-        h, floor = settings[at.STEP_TIME], settings[at.SLIP_FLOOR]
+        h = settings[at.STEP_TIME]
         widest, fastest = like(h, LARGEST_SIDESLIP), like(h, LARGEST_YAW_RATE)
         ideal = settings[at.IDEAL_STEERING] > like(h, 0.0)
         half = h * like(h, 0.5)
@@ -147,12 +138,13 @@ def integrator(rates: Callable[..., Any], paced: bool = False, driven: bool = Fa
     return advance
 
 
-def shower(outputs: Callable[..., Any], paced: bool = False, driven: bool = False) -> Callable[..., Any]:
+def shower(outputs: Callable[..., Any], pace: int, name: str) -> Callable[..., Any]:
     """Return the compiled loop that writes speed, sideslip, yaw rate and lateral acceleration of lanes."""
+    keeps_speed = pace != PROFILE
 
     @helper
-    @_named(outputs, paced, driven)
-    def show(lanes, settings):
+    @named(name)
+    def show(lanes, floor):
         """Write the rows SPEED, SIDESLIP, YAW_RATE and ACCELERATION of a block; wrap its headings."""
         along_, speed_, gain_ = lanes[at.ALONG], lanes[at.SPEED_SQUARED], lanes[at.SPEED_SQUARED_SLOPE]
         theta_, beta_, r_, steer_ = lanes[at.HEADING], lanes[at.SIDESLIP], lanes[at.YAW_RATE], lanes[at.STEER]
@@ -160,28 +152,13 @@ def shower(outputs: Callable[..., Any], paced: bool = False, driven: bool = Fals
         stiff_f_, stiff_r_ = lanes[at.CAR + 4], lanes[at.CAR + 5]
         peak_f_, peak_r_ = lanes[at.CAR + 6], lanes[at.CAR + 7]
         v_, acceleration_ = lanes[at.SPEED], lanes[at.ACCELERATION]
-        floor = settings[at.SLIP_FLOOR]
         for i in range(lanes.shape[1]):
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
-            v = v_[i] if paced or driven else _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
+            v = v_[i] if keeps_speed else _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
             v_[i] = v
             theta_[i] = wrapped(theta_[i])
-            beta_[i], r_[i], acceleration_[i] = outputs(beta_[i], r_[i], steer_[i], v, car)
+            beta = clip(beta_[i], -like(v, LARGEST_SIDESLIP), like(v, LARGEST_SIDESLIP))
+            r = clip(r_[i], -like(v, LARGEST_YAW_RATE), like(v, LARGEST_YAW_RATE))
+            beta_[i], r_[i], acceleration_[i] = outputs(beta, r, steer_[i], v, car)
 
     return show
-
-
-advance_kinematic = integrator(kinematic)
-advance_front_driven = integrator(front_driven, paced=True)
-advance_kinematic_paced = integrator(kinematic, paced=True)
-advance_linear_paced = integrator(dynamic_linear, paced=True)
-advance_linear = integrator(dynamic_linear)
-advance_magic_formula = integrator(dynamic_magic_formula)
-show_kinematic = shower(kinematic_outputs)
-advance_driven = integrator(dynamic_magic_formula, driven=True)
-show_driven = shower(magic_formula_outputs, driven=True)
-show_front_driven = shower(front_driven_outputs, paced=True)
-show_kinematic_paced = shower(kinematic_outputs, paced=True)
-show_linear_paced = shower(linear_outputs, paced=True)
-show_linear = shower(linear_outputs)
-show_magic_formula = shower(magic_formula_outputs)

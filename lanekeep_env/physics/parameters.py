@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
+from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require, shown
 
 GRAVITY = 9.81
 
@@ -99,7 +99,7 @@ class VehicleParameters:
         require("vehicle.width", self.width, "m", at_least=1e-3, at_most=100.0)
         require("vehicle.wheel_radius", self.wheel_radius, "m", at_least=1e-3, at_most=10.0)
         if not isinstance(self.steering, SteeringActuator):
-            raise ValueError(f"vehicle.steering={self.steering!r} must be a mapping of SteeringActuator's fields")
+            raise ValueError(f"vehicle.steering={shown(self.steering)} must be a mapping of SteeringActuator's fields")
         plain_numbers(self)
 
     @property
@@ -234,10 +234,12 @@ def vehicle_from(value: str | Mapping[str, Any] | VehicleParameters) -> VehicleP
         return value
     if isinstance(value, str):
         if value not in VEHICLES:
-            raise ValueError(f"vehicle={value!r} is unknown{nearest(value, VEHICLES)}; allowed: {', '.join(VEHICLES)}")
+            raise ValueError(
+                f"vehicle={shown(value)} is unknown{nearest(value, VEHICLES)}; allowed: {', '.join(VEHICLES)}"
+            )
         return VEHICLES[value]
     if not isinstance(value, Mapping):
-        raise ValueError(f"vehicle={value!r} must be a name, a mapping of fields or VehicleParameters")
+        raise ValueError(f"vehicle={shown(value)} must be a name, a mapping of fields or VehicleParameters")
     changes = dict(value)
     base = vehicle_from(changes.pop("base", "yin"))
     if isinstance(changes.get("steering"), Mapping):
@@ -247,6 +249,6 @@ def vehicle_from(value: str | Mapping[str, Any] | VehicleParameters) -> VehicleP
     if unknown:
         fields = VehicleParameters.__dataclass_fields__
         raise ValueError(
-            f"vehicle has no field {unknown[0]!r}{nearest(unknown[0], fields)}; allowed: base, {', '.join(fields)}"
+            f"vehicle has no field {shown(unknown[0])}{nearest(unknown[0], fields)}; allowed: base, {', '.join(fields)}"
         )
     return replace(base, **changes)

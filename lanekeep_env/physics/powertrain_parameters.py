@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
+from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
 
 #: Longitudinal acceleration beyond which a powertrain is none, m/s².
 LARGEST_PULL = 100.0
@@ -93,12 +93,12 @@ class Powertrain:
 
     def __post_init__(self) -> None:
         if not isinstance(self.gears, tuple | list) or not 1 <= len(self.gears) <= at.GEARS_MOST:
-            raise ValueError(f"powertrain.gears={self.gears!r} is not allowed: 1 to {at.GEARS_MOST} ratios")
+            raise ValueError(f"powertrain.gears={shown(self.gears)} is not allowed: 1 to {at.GEARS_MOST} ratios")
         for ratio in self.gears:
             require("powertrain.gears", ratio, "", at_least=1e-3, at_most=1e3)
         object.__setattr__(self, "gears", tuple(float(ratio) for ratio in self.gears))
         if any(after >= before for before, after in zip(self.gears[:-1], self.gears[1:], strict=True)):
-            raise ValueError(f"powertrain.gears={self.gears!r} is not allowed: the ratios must fall")
+            raise ValueError(f"powertrain.gears={shown(self.gears)} is not allowed: the ratios must fall")
         for name, (unit, low, high) in _BOUNDS.items():
             require(f"powertrain.{name}", getattr(self, name), unit, at_least=low, at_most=high)
         require("powertrain.downshift", self.downshift, "rad/s", at_most=self.upshift)
@@ -157,5 +157,7 @@ def powertrain_from(value: str | Mapping[str, Any] | Powertrain) -> Powertrain:
         choose("powertrain", value, POWERTRAINS)
         return POWERTRAINS[value]
     if not isinstance(value, Mapping):
-        raise ValueError(f"powertrain={value!r} must be {', '.join(POWERTRAINS)} or a mapping of Powertrain's fields")
+        raise ValueError(
+            f"powertrain={shown(value)} must be {', '.join(POWERTRAINS)} or a mapping of Powertrain's fields"
+        )
     return from_mapping(Powertrain, value, "powertrain")

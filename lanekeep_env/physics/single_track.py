@@ -3,7 +3,8 @@
 All models share one signature, so that one integrator serves them. State: ``d`` lateral error (m, left
 of the path), ``theta`` heading error (rad), ``beta`` sideslip (rad, course minus heading), ``r`` yaw
 rate (rad/s). ``steer`` is the road-wheel angle (rad), ``v`` the speed (m/s), ``kappa`` the path's
-curvature (1/m, left positive) and ``car`` the tuple (l_f, l_r, 1/m, 1/J, C_f, C_r, peak_f, peak_r, floor).
+curvature (1/m, left positive) and ``car`` the tuple (l_f, l_r, 1/m, 1/J, C_f, C_r, peak_f, peak_r, floor)
+with the slip-speed floor in m/s, or None.
 Returned: (s', d', theta', beta', r').
 
 Standstill. The bare dynamic models divide by v and become stiff below about 1 m/s. The SLIP-SPEED
@@ -22,6 +23,18 @@ from lanekeep_env.physics.tyres import linear, magic_formula
 
 #: Below this speed (m/s) divisions by the speed use it instead, or a lower one; see the module's docstring.
 SLIP_SPEED_FLOOR = 1.0
+
+
+@inline
+def slip_speed_floor(v, floor):
+    """Return the floor of a car, m/s, in the precision of ``v``; None stands for `SLIP_SPEED_FLOOR`.
+
+    None is known when a kernel is compiled: the usual floor is a constant there.
+    """
+    if floor is None:
+        return like(v, SLIP_SPEED_FLOOR)
+    return like(v, floor)
+
 
 #: 1 - d kappa is held at or above this: nearer to the path's centre of curvature s' has no meaning.
 SMALLEST_PATH_SCALE = 0.1
@@ -70,7 +83,7 @@ def front_driven(d, theta, beta, r, steer, v, kappa, car):
 @inline
 def linear_forces(beta, r, steer, v, car):
     """Front and rear lateral axle force, N, for small angles and linear tyres."""
-    inverse = like(v, 1.0) / larger(v, car[8])
+    inverse = like(v, 1.0) / larger(v, slip_speed_floor(v, car[8]))
     lateral = v * beta
     front = linear((v * steer - lateral - car[0] * r) * inverse, car[4])
     rear = linear((car[1] * r - lateral) * inverse, car[5])
@@ -85,7 +98,7 @@ def dynamic_linear(d, theta, beta, r, steer, v, kappa, car):
     the axle forces they stand for. ``v`` is the speed of the centre of gravity.
     """
     front, rear = linear_forces(beta, r, steer, v, car)
-    beta_rate = (front + rear) * car[2] / larger(v, car[8]) - r
+    beta_rate = (front + rear) * car[2] / larger(v, slip_speed_floor(v, car[8])) - r
     r_rate = (car[0] * front - car[1] * rear) * car[3]
     s_rate, d_rate, theta_rate = path_rates(v, like(v, 0.0), theta + beta, r, d, kappa)
     return s_rate, d_rate, theta_rate, beta_rate, r_rate
@@ -101,7 +114,7 @@ def magic_formula_forces(beta, r, steer, v, car):
     """
     sin_b, cos_b = sin_cos(beta)
     sin_d, cos_d = sin_cos(steer)
-    floored = larger(v, car[8])
+    floored = larger(v, slip_speed_floor(v, car[8]))
     least = like(v, 0.1) * floored
     across_f = v * sin_b + car[0] * r
     along_f = floored * cos_b * cos_d + (floored * sin_b + car[0] * r) * sin_d
@@ -121,7 +134,7 @@ def dynamic_magic_formula(d, theta, beta, r, steer, v, kappa, car):
     """
     front, rear, sin_b, cos_b, sin_d, cos_d = magic_formula_forces(beta, r, steer, v, car)
     across = front * (cos_d * cos_b + sin_d * sin_b) + rear * cos_b
-    beta_rate = across * car[2] / larger(v, car[8]) - r
+    beta_rate = across * car[2] / larger(v, slip_speed_floor(v, car[8])) - r
     r_rate = (front * car[0] * cos_d - rear * car[1]) * car[3]
     s_rate, d_rate, theta_rate = path_rates(v, like(v, 0.0), theta + beta, r, d, kappa)
     return s_rate, d_rate, theta_rate, beta_rate, r_rate

@@ -14,7 +14,7 @@ from lanekeep_env.roads.road import Floats, Road
 
 FEWEST_POINTS = 8
 WIDEST_SPACING = 200.0
-#: Most points (200 km of them 1 m apart), lines with comments, characters of a line, and bytes of a file.
+#: Most points, lines with comments, characters of a line, and bytes of a file: 100 km every half metre, in any format.
 MOST_POINTS = 200_000
 MOST_LINES = 1_000_000
 LONGEST_LINE = 10_000

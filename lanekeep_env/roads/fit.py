@@ -22,8 +22,8 @@ SMOOTHING_ERROR = 0.04
 SEGMENT = 3.0
 #: Length of an open line's mirrored continuation at both ends, m.
 MARGIN = 60.0
-#: Most evenly spaced points, at most 1 m apart, that a line is smoothed at.
-MOST_SAMPLES = 1_000_000
+#: Most evenly spaced points that a line is smoothed at, twice as many as given and at most 1 m apart: some seconds.
+MOST_SAMPLES = 300_000
 #: A segment that turns by more, rad, belongs to no road: the points do not follow one another.
 MOST_TURN_OF_FIT = 10.0
 
@@ -42,6 +42,11 @@ def fit_centre_line(name: str, points: Floats, closed: bool) -> Road:
     begin, end = station[first], station[first + len(points) - (not closed)]
     if end - begin < 10 * SEGMENT:
         raise ValueError(f"the line is {end - begin:.1f} m long; at least {10 * SEGMENT:.0f} m are needed")
+    if end - begin > MOST_SAMPLES * _step(chord):
+        raise ValueError(
+            f"the line is {end - begin:.6g} m long, allowed are {MOST_SAMPLES * _step(chord):.6g} m where points are "
+            f"{float(np.median(chord)):.3g} m apart (median): give fewer points or a shorter line"
+        )
     # What overflows or divides by zero is told by the checks of the road.
     with np.errstate(all="ignore"):
         curve = _smoothed(_resampled(line, station, closed), station[-1], closed, begin, end)
@@ -82,6 +87,10 @@ def _mirrored(points: Floats) -> Floats:
     return back[1 : count + 1] - 2.0 * (offset @ tangent)[:, None] * tangent
 
 
+def _step(gap: Floats) -> float:
+    return min(1.0, float(np.median(gap)) / 2)
+
+
 def _resampled(line: Floats, station: Floats, closed: bool) -> Floats:
     """Evenly spaced points, at most 1 m apart, on the cubic whose slopes are those of three-point parabolas."""
     gap = np.diff(station)[:, None]
@@ -94,13 +103,7 @@ def _resampled(line: Floats, station: Floats, closed: bool) -> Floats:
     else:
         inner = (slope[:-1] * gap[1:] + slope[1:] * gap[:-1]) / (gap[1:] + gap[:-1])
         tangent = np.vstack([2 * slope[:1] - inner[:1], inner, 2 * slope[-1:] - inner[-1:]])
-    step = min(1.0, float(np.median(gap)) / 2)
-    if station[-1] > MOST_SAMPLES * step:
-        raise ValueError(
-            f"the line is {station[-1]:.6g} m long; allowed are {MOST_SAMPLES * step:.6g} m where points are "
-            f"{float(np.median(gap)):.3g} m apart (median)"
-        )
-    count = max(64, int(np.ceil(station[-1] / step)))
+    count = max(64, int(np.ceil(station[-1] / _step(gap))))
     at = np.linspace(0.0, station[-1], count + 1)[: count + (not closed)]
     k = np.clip(np.searchsorted(station, at, side="right") - 1, 0, len(gap) - 1)
     t, width = (at - station[k])[:, None] / gap[k], gap[k]

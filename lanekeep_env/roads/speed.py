@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lanekeep_env.checks import from_mapping, plain_numbers, require
+from lanekeep_env.checks import from_mapping, plain_numbers, require, shown
 from lanekeep_env.roads.road import Floats, Road
 
 
@@ -187,7 +187,7 @@ def set_speeds_from(value: float | Mapping[str, Any] | SetSpeeds) -> SetSpeeds:
         require("speed", value, "m/s", at_least=0.0, at_most=100.0)
         speed = float(value)
         return SetSpeeds(speed, speed, hold=None, standstill=0.0, lateral_acceleration=None)
-    raise ValueError(f"speed={value!r} must be a number in m/s or a mapping of SetSpeeds' fields")
+    raise ValueError(f"speed={shown(value)} must be a number in m/s or a mapping of SetSpeeds' fields")
 
 
 def speed_from(value: float | Mapping[str, Any] | SpeedSpec | None) -> SpeedSpec:
@@ -205,5 +205,5 @@ def speed_from(value: float | Mapping[str, Any] | SpeedSpec | None) -> SpeedSpec
             return from_mapping(ConstantSpeed, value, "speed")
         return from_mapping(LimitedSpeed, value, "speed")
     if isinstance(value, Real) and not isinstance(value, bool):
-        return ConstantSpeed(float(value))
-    raise ValueError(f"speed={value!r} must be a number in m/s or a mapping of LimitedSpeed's fields")
+        return ConstantSpeed(value)  # type: ignore[arg-type]
+    raise ValueError(f"speed={shown(value)} must be a number in m/s or a mapping of LimitedSpeed's fields")

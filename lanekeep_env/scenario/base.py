@@ -12,14 +12,15 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from lanekeep_env.checks import choose, nearest, plain_numbers, require
+from lanekeep_env import layout as at
+from lanekeep_env.checks import choose, nearest, plain_numbers, require, shown
 from lanekeep_env.physics.integrate import LARGEST_SPEED
+from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
-from lanekeep_env.physics.single_track import SLIP_SPEED_FLOOR
 from lanekeep_env.randomisation import Randomisation, randomisation_from
 from lanekeep_env.roads import LimitedSpeed, RandomRoads, RoadSpec, SpeedSpec, road_from
 from lanekeep_env.scenario.integration import Integration, rolling, slipping
-from lanekeep_env.sensing.faults import Sensors, sensors_to_dict
+from lanekeep_env.sensing.faults import Sensor, Sensors, sensors_to_dict
 
 #: Integration step of every vehicle model, s; control steps and delays are multiples of it.
 INTEGRATION_STEP = 0.01
@@ -34,22 +35,23 @@ class Channel:
     low: float
     high: float
     description: str
+    #: Row of the kernel's lanes that it shows, or that holds the truth of its sensor; None for what something else
+    #: writes: a preview, a scan, the flags of sensors.
+    source: int | None = None
+    #: What measures it, None for what is known.
+    sensor: Measured | None = None
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A channel that comes from a sensor.
+    """That a channel comes from a sensor, and what it shows where that sees nothing.
 
     Attributes:
-        name: the channel's.
-        source: row of the kernel's lanes that holds the truth.
         valid: channel that tells whether the last sample saw anything, None where it always does.
         missing: value until anything was seen ...
         holds: ... and after that the last one is held; otherwise ``missing`` is shown whenever nothing is seen.
     """
 
-    name: str
-    source: int
     valid: str | None = None
     missing: float = 0.0
     holds: bool = True
@@ -100,13 +102,8 @@ class ScenarioRecord:
         for key in keywords:
             if key not in allowed:
                 allowed += others
-                raise TypeError(f"unknown keyword {key!r}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
+                raise TypeError(f"unknown keyword {shown(key)}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
         return cls(**keywords)
-
-    @property
-    def measured(self) -> tuple[Measured, ...]:
-        """The channels that come from sensors, in the order of the observation."""
-        raise NotImplementedError
 
     def _channels(self) -> list[Channel]:
         """All channels but those that tell of new samples."""
@@ -125,6 +122,27 @@ class ScenarioRecord:
         """Low and high of each channel as float32, shape (channels, 2)."""
         return np.array([(c.low, c.high) for c in self.channels], dtype=np.float32)
 
+    def column(self, name: str) -> int:
+        """Column of a channel in the observation, -1 for one that is not there."""
+        return next((k for k, channel in enumerate(self.channels) if channel.name == name), -1)
+
+    def channel_table(self) -> np.ndarray:
+        """Low, high and source (-1 for none) of each channel, (channels, `layout.CHANNEL_SIZE`)."""
+        sources = [-1 if c.source is None else c.source for c in self.channels]
+        return np.column_stack([self.channel_bounds(), sources])
+
+    def sensor_table(self) -> np.ndarray:
+        """Numbers of the sensors in the order of their channels, (measured channels, `layout.SENSOR_SIZE`)."""
+        faults, column = dict(self.sensors), {channel.name: k for k, channel in enumerate(self.channels)}
+        rows = []
+        for channel in self.channels:
+            if channel.sensor is not None:
+                numbers = faults.get(channel.name, Sensor()).numbers(self.control_step)
+                valid = -1 if channel.sensor.valid is None else column[channel.sensor.valid]
+                shown = (column[channel.name], valid, channel.sensor.missing, channel.sensor.holds)
+                rows.append((*numbers, channel.source, *shown))
+        return np.array(rows, dtype=np.float64)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the scenario as JSON-able values; `from_keywords` reads them back."""
         values: dict[str, Any] = {}
@@ -141,7 +159,7 @@ class ScenarioRecord:
 
     def _fingerprint(self) -> dict[str, Any]:
         """`to_dict` with what stands for the content of files, and an integration unlike other cars'."""
-        ordinary = self.integration == Integration(self.base_step, SLIP_SPEED_FLOOR)
+        ordinary = self.integration == Integration(self.base_step)
         return self.to_dict() if ordinary else {**self.to_dict(), "integration": asdict(self.integration)}
 
     @cached_property
@@ -200,6 +218,8 @@ class RoadScenario(ScenarioRecord):
         "road": road_from,
         "randomisation": randomisation_from,
     }
+    #: The first of the channels that show the road ahead.
+    preview_channel: ClassVar[str] = "curvature_preview_0"
     #: How much road a picture shows, m.
     view: ClassVar[float] = 100.0
 
@@ -236,19 +256,14 @@ class RoadScenario(ScenarioRecord):
         return self.cost_cap
 
     @property
-    def model(self) -> int:
-        """The kernel's number of the vehicle model."""
+    def model(self) -> CarModel:
+        """The vehicle model."""
         raise NotImplementedError
-
-    @property
-    def slips(self) -> bool:
-        """Whether the car has tyres, or rolls where its wheels point."""
-        return False
 
     @cached_property
     def integration(self) -> Integration:
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
-        if self.slips:
+        if self.model.slips:
             return slipping(self.vehicle, self.randomisation, self.base_step, self._slowest, self._fastest)
         return rolling(self.vehicle, self.base_step, self._fastest, self.largest_angle)
 
@@ -284,8 +299,8 @@ def steering_channels() -> list[Channel]:
     """The two channels of every steering actuator."""
     angle = 1.6
     return [
-        Channel("steering_angle", "rad", -angle, angle, "road wheel, left positive"),
-        Channel("steering_command", "rad", -angle, angle, "command that last entered the actuator"),
+        Channel("steering_angle", "rad", -angle, angle, "road wheel, left positive", at.STEER, Measured()),
+        Channel("steering_command", "rad", -angle, angle, "command that last entered the actuator", at.COMMAND),
     ]
 
 

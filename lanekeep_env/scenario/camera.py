@@ -9,7 +9,8 @@ from functools import partial
 from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
+from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
+from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads import RoadSpec, SetSpeeds, TurnOffRoads, YardRoads, set_speeds_from
 from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering_channels
@@ -47,7 +48,7 @@ def camera_from(value: Mapping[str, Any] | Camera) -> Camera:
     if isinstance(value, Camera):
         return value
     if not isinstance(value, Mapping):
-        raise ValueError(f"camera={value!r} must be a mapping of Camera's fields, e.g. {{'look_ahead': 3.5}}")
+        raise ValueError(f"camera={shown(value)} must be a mapping of Camera's fields, e.g. {{'look_ahead': 3.5}}")
     return from_mapping(Camera, value, "camera")
 
 
@@ -90,6 +91,7 @@ class CameraLaneScenario(RoadScenario):
         "camera": camera_from,
         "sensors": partial(sensors_from, channels=CAMERA_CHANNELS, sets=CAMERA_SENSOR_SETS),
     }
+    preview_channel: ClassVar[str] = "planned_curvature_0"
     view: ClassVar[float] = 40.0
 
     def _check(self) -> None:
@@ -104,9 +106,9 @@ class CameraLaneScenario(RoadScenario):
             )
 
     @property
-    def model(self) -> int:
-        """The kernel's number of the vehicle model."""
-        return at.FRONT_DRIVEN
+    def model(self) -> models.CarModel:
+        """The vehicle model."""
+        return models.FRONT_DRIVEN
 
     @property
     def axles(self) -> tuple[float, float]:
@@ -123,23 +125,14 @@ class CameraLaneScenario(RoadScenario):
         """Distance of the camera's look-ahead point from the rear axle, l + f, m."""
         return self.vehicle.wheelbase + self.camera.look_ahead
 
-    @property
-    def measured(self) -> tuple[Measured, ...]:
-        """The channels that come from sensors, in the order of the observation."""
-        return (
-            Measured("edge_distance", at.EDGE, valid="edge_valid", missing=self.set_distance),
-            Measured("speed", at.SPEED),
-            Measured("steering_angle", at.STEER),
-        )
-
     def _channels(self) -> list[Channel]:
         side, ahead = self.camera.edge, f"{self.camera.look_ahead:g} m ahead of the front axle"
+        camera = Measured(valid="edge_valid", missing=self.set_distance)
+        shown = f"of the body's axis {ahead} from the {side} edge; held if lost"
         channels = [
-            Channel(
-                "edge_distance", "m", -20.0, 20.0, f"of the body's axis {ahead} from the {side} edge; held if lost"
-            ),
+            Channel("edge_distance", "m", -20.0, 20.0, shown, at.EDGE, camera),
             Channel("edge_valid", "", 0.0, 1.0, "1 where the camera's last picture showed the edge, else 0"),
-            Channel("speed", "m/s", 0.0, 100.0, "of the front wheels"),
+            Channel("speed", "m/s", 0.0, 100.0, "of the front wheels", at.SPEED, Measured()),
             *steering_channels(),
         ]
         for k in range(self.plan):
@@ -147,9 +140,11 @@ class CameraLaneScenario(RoadScenario):
             channels.append(Channel(f"planned_curvature_{k}", "1/m", -1.0, 1.0, f"of the road {where}, left positive"))
         if self.observation == "full":
             channels += [
-                Channel("lateral_error", "m", -20.0, 20.0, "rear axle left of the lane's centre"),
-                Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the road's, left positive"),
-                Channel("motor_angle", "rad", -1.6, 1.6, "of the steering motor, in terms of the road wheel"),
+                Channel("lateral_error", "m", -20.0, 20.0, "rear axle left of the lane's centre", at.LATERAL),
+                Channel(
+                    "heading_error", "rad", -math.pi, math.pi, "heading minus the road's, left positive", at.HEADING
+                ),
+                Channel("motor_angle", "rad", -1.6, 1.6, "of the steering motor, in terms of the road wheel", at.MOTOR),
             ]
         return channels
 

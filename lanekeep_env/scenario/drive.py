@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
+from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
+from lanekeep_env.physics import models
 from lanekeep_env.physics.integrate import LARGEST_SPEED
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.physics.powertrain_parameters import Powertrain, powertrain_from
@@ -28,6 +29,13 @@ EVENTS: dict[str, tuple[int, tuple[str, ...]]] = {
 }
 #: The largest of them: what stands as far as `layout.FAR` is not there, and speeds are observed up to 100 m/s.
 LARGEST = {"m": at.FAR - 1.0, "m/s": 100.0}
+#: The longest timeline, s: eleven days, far beyond any episode.
+LONGEST = 1e6
+#: Events of one timeline, and bytes of the kernel's table of all of them.
+MOST_EVENTS = 10_000
+LARGEST_TABLE = 64 << 20
+#: Seconds from one random event to the next at the least, but for a last one that is the end of another; bytes of one.
+_SOONEST, _EVENT_SIZE = 6.0, 32
 Event = tuple[float, str, tuple[float, ...]]
 
 
@@ -40,7 +48,7 @@ class Traffic:
             one at 0 s is also the car's speed at the start), "lead" (gap in m, speed in m/s of a car ahead),
             "lead_gone", "stop" (distance of a stop point in m), "stop_gone"; up to 199 m and 100 m/s.
         count: random timelines in the set; an episode's key chooses one.
-        duration: of each of them, s.
+        duration: of each of them, s; with ``count`` it bounds the table of all events to 64 MiB.
         largest_speed: m/s, 30 at the most: who sees 200 m cannot stop from more with 3 m/s².
         seed: of the set.
     """
@@ -53,15 +61,18 @@ class Traffic:
 
     def __post_init__(self) -> None:
         if not isinstance(self.events, tuple | list):
-            raise ValueError(f"traffic.events={self.events!r} is not allowed: a list of (time, kind, numbers ...)")
+            raise ValueError(f"traffic.events={shown(self.events)} is not allowed: a list of (time, kind, numbers ...)")
+        if len(self.events) > MOST_EVENTS:
+            raise ValueError(f"traffic.events has {len(self.events)} events, allowed are {MOST_EVENTS} at the most")
         object.__setattr__(self, "events", tuple(self._event(event) for event in self.events))
         times = [event[0] for event in self.events]
         if times != sorted(times):
-            raise ValueError(f"traffic.events: times {times} are not allowed: they must rise")
+            raise ValueError(f"traffic.events: times {shown(times)} are not allowed: they must rise")
         if self.events and (self.events[0][0] != 0.0 or self.events[0][1] != "speed"):
             raise ValueError('traffic.events must begin with (0.0, "speed", m/s)')
         require("traffic.count", self.count, "timelines", at_least=1, at_most=100_000, whole=True)
-        require("traffic.duration", self.duration, "s", above=0.0)
+        longest = min(LONGEST, (LARGEST_TABLE // _EVENT_SIZE // int(self.count) - 2) * _SOONEST)
+        require("traffic.duration", self.duration, f"s for {int(self.count)} timelines", above=0.0, at_most=longest)
         require("traffic.largest_speed", self.largest_speed, "m/s", at_least=5.0, at_most=30.0)
         require("traffic.seed", self.seed, "", at_least=0, whole=True)
         plain_numbers(self)
@@ -69,14 +80,14 @@ class Traffic:
     @staticmethod
     def _event(event: Sequence[Any]) -> Event:
         if not isinstance(event, Sequence) or len(event) < 2:
-            raise ValueError(f"traffic.events: {event!r} is not allowed: (time, kind, numbers ...)")
+            raise ValueError(f"traffic.events: {shown(event)} is not allowed: (time, kind, numbers ...)")
         time, kind, *numbers = event
         numbers = [one for number in numbers for one in (number if isinstance(number, list | tuple) else [number])]
-        require("traffic.events time", time, "s", at_least=0.0)
+        require("traffic.events time", time, "s", at_least=0.0, at_most=LONGEST)
         choose("traffic.events kind", kind, EVENTS)
         units = EVENTS[kind][1]
         if len(numbers) != len(units):
-            raise ValueError(f"traffic.events: {kind!r} takes {len(units)} numbers, not {numbers!r}")
+            raise ValueError(f"traffic.events: {kind!r} takes {len(units)} numbers, not {shown(numbers)}")
         for number, unit in zip(numbers, units, strict=True):
             require(f"traffic.events {kind}", number, unit, at_least=0.0, at_most=LARGEST[unit])
         return float(time), str(kind), tuple(float(number) for number in numbers)
@@ -84,15 +95,19 @@ class Traffic:
     def build(self) -> np.ndarray:
         """Return the kernel's timelines, (timelines, events, 4)."""
         if self.events:
-            timelines = [list(self.events)]
+            timelines: Iterable[Sequence[Event]] = [self.events]
+            count, most = 1, len(self.events)
         else:
             rng = np.random.default_rng([self.seed, 0x7AFF])
-            timelines = [self._random(rng) for _ in range(self.count)]
-        table = np.full((len(timelines), max(map(len, timelines)), 4), np.inf)
+            timelines = (self._random(rng) for _ in range(self.count))
+            count, most = self.count, int(self.duration / _SOONEST) + 2
+        table = np.full((count, most, 4), np.inf)
         for timeline, events in zip(table, timelines, strict=True):
-            for row, (time, kind, numbers) in zip(timeline, events, strict=False):
-                row[:] = time, EVENTS[kind][0], *(*numbers, 0.0, 0.0)[:2]
-        return table
+            timeline[: len(events)] = [
+                (time, EVENTS[kind][0], *(*numbers, 0.0, 0.0)[:2]) for time, kind, numbers in events
+            ]
+        used = np.isfinite(table[:, :, at.E_TIME]).any(axis=0).sum()
+        return np.ascontiguousarray(table[:, :used])
 
     def _random(self, rng: np.random.Generator) -> list[Event]:
         """Set speeds; every other one meets a slower car that turns off again, or a stop point."""
@@ -130,7 +145,7 @@ def traffic_from(value: Mapping[str, Any] | Sequence[Any] | Traffic | None) -> T
         return from_mapping(Traffic, value, "traffic")
     if isinstance(value, Sequence) and not isinstance(value, str):
         return Traffic(events=tuple(value))
-    raise ValueError(f"traffic={value!r} must be a list of events or a mapping of Traffic's fields")
+    raise ValueError(f"traffic={shown(value)} must be a list of events or a mapping of Traffic's fields")
 
 
 def bounds_from(name: str, unit: str, limit: float, value: Any) -> tuple[float, float]:
@@ -139,7 +154,7 @@ def bounds_from(name: str, unit: str, limit: float, value: Any) -> tuple[float, 
     for bound in (low, high):
         require(name, bound, unit, at_least=-limit, at_most=limit)
     if high < low:
-        raise ValueError(f"{name}={value!r} is not allowed: the bounds must be (low, high) with low <= high")
+        raise ValueError(f"{name}={shown(value)} is not allowed: the bounds must be (low, high) with low <= high")
     return float(low), float(high)
 
 
@@ -203,9 +218,9 @@ class DriveScenario(LaneKeepScenario):
             )
 
     @property
-    def model(self) -> int:
-        """The kernel's number of the vehicle model."""
-        return at.DRIVEN
+    def model(self) -> models.CarModel:
+        """The vehicle model."""
+        return models.POWERED
 
     def _slowest(self) -> float:
         """It stops."""
@@ -224,11 +239,13 @@ class DriveScenario(LaneKeepScenario):
         far = float(at.FAR)
         return [
             *super()._channels(),
-            Channel("acceleration", "m/s²", -20.0, 20.0, "longitudinal"),
-            Channel("pedal", "", -1.0, 1.0, "what was asked for: throttle where positive, brake where negative"),
-            Channel("gear", "", 0.0, 7.0, "0 for the first"),
-            Channel("set_speed", "m/s", 0.0, 100.0, "asked for"),
-            Channel("lead_gap", "m", 0.0, far, f"to the car ahead, {far:g} without one"),
-            Channel("lead_speed", "m/s", 0.0, 100.0, "of the car ahead"),
-            Channel("stop_gap", "m", -far, far, f"to the stop point, {far:g} without one"),
+            Channel("acceleration", "m/s²", -20.0, 20.0, "longitudinal", at.PULL),
+            Channel(
+                "pedal", "", -1.0, 1.0, "what was asked for: throttle where positive, brake where negative", at.PEDAL
+            ),
+            Channel("gear", "", 0.0, 7.0, "0 for the first", at.GEAR),
+            Channel("set_speed", "m/s", 0.0, 100.0, "asked for", at.SET_SPEED),
+            Channel("lead_gap", "m", 0.0, far, f"to the car ahead, {far:g} without one", at.LEAD_GAP),
+            Channel("lead_speed", "m/s", 0.0, 100.0, "of the car ahead", at.LEAD_SPEED),
+            Channel("stop_gap", "m", -far, far, f"to the stop point, {far:g} without one", at.STOP_GAP),
         ]

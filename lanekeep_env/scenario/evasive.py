@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import require
+from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads import EvasiveRoads, ParkingPaths, RoadSpec, SetSpeeds, SpeedSpec, set_speeds_from, speed_from
 from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering_channels
@@ -87,26 +88,32 @@ class ReversePathScenario(RoadScenario):
         return True
 
     @property
-    def model(self) -> int:
-        """The kernel's number of the vehicle model."""
-        return at.KINEMATIC_PACED
+    def model(self) -> models.CarModel:
+        """The vehicle model."""
+        return models.KINEMATIC_PACED
 
     @property
     def axles(self) -> tuple[float, float]:
         """The reference point is the rear axle."""
         return self.vehicle.wheelbase, 0.0
 
-    @property
-    def measured(self) -> tuple[Measured, ...]:
-        """The channels that come from sensors, in the order of the observation."""
-        return tuple(Measured(name, at.LATERAL + k) for k, name in enumerate(MEASURED_CHANNELS))
-
     def _channels(self) -> list[Channel]:
+        seen = Measured()
         channels = [
-            Channel("lateral_error", "m", -20.0, 20.0, "rear axle left of the path, as seen along the path"),
-            Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the path's, left positive"),
-            Channel("yaw_rate", "rad/s", -4.0, 4.0, "left positive"),
-            Channel("speed", "m/s", -20.0, 20.0, "of the rear axle, negative backwards"),
+            Channel(
+                "lateral_error",
+                "m",
+                -20.0,
+                20.0,
+                "rear axle left of the path, as seen along the path",
+                at.LATERAL,
+                seen,
+            ),
+            Channel(
+                "heading_error", "rad", -math.pi, math.pi, "heading minus the path's, left positive", at.HEADING, seen
+            ),
+            Channel("yaw_rate", "rad/s", -4.0, 4.0, "left positive", at.YAW_RATE, seen),
+            Channel("speed", "m/s", -20.0, 20.0, "of the rear axle, negative backwards", at.SPEED, seen),
             *steering_channels(),
         ]
         for k in range(self.preview):
@@ -114,8 +121,12 @@ class ReversePathScenario(RoadScenario):
             channels.append(Channel(f"curvature_preview_{k}", "1/m", -1.0, 1.0, f"of the path {where}, left positive"))
         if self.observation == "full":
             channels += [
-                Channel("sideslip", "rad", -math.pi, math.pi, "none at the rear axle"),
-                Channel("curvature", "1/m", -1.0, 1.0, "of the path at the rear axle, left positive"),
-                Channel("lateral_acceleration", "m/s²", -50.0, 50.0, "of the rear axle, left positive"),
+                Channel("sideslip", "rad", -math.pi, math.pi, "none at the rear axle", at.SIDESLIP),
+                Channel(
+                    "curvature", "1/m", -1.0, 1.0, "of the path at the rear axle, left positive", at.CURVATURE_HERE
+                ),
+                Channel(
+                    "lateral_acceleration", "m/s²", -50.0, 50.0, "of the rear axle, left positive", at.ACCELERATION
+                ),
             ]
         return channels

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from lanekeep_env.checks import shown
 from lanekeep_env.physics.parameters import GRAVITY, VehicleParameters
+from lanekeep_env.physics.single_track import SLIP_SPEED_FLOOR
 from lanekeep_env.physics.stability import LARGEST_PRODUCT, LARGEST_TURN, MOST_DIVISIONS, Cars
 from lanekeep_env.randomisation import Randomisation
 
@@ -39,7 +40,12 @@ class Integration:
     """What the kernel integrates with: ``step`` in s, and the slip-speed floor in m/s (see `single_track`)."""
 
     step: float
-    slip_speed_floor: float
+    slip_speed_floor: float = SLIP_SPEED_FLOOR
+
+    @property
+    def lowered_floor(self) -> float | None:
+        """The floor where it is not the usual one: kernels have that as a constant."""
+        return self.slip_speed_floor if self.slip_speed_floor < SLIP_SPEED_FLOOR else None
 
 
 def rolling(vehicle: VehicleParameters, step: float, fastest: float, steering_angle: float) -> Integration:
@@ -62,7 +68,7 @@ def rolling(vehicle: VehicleParameters, step: float, fastest: float, steering_an
             f"the vehicle's wheelbase of {vehicle.wheelbase:g} m is not allowed: at {fastest:g} m/s and a steering "
             f"angle of {steering_angle:g} rad it must be >= {shortest:.3g} m (are both distances to the axles in m?)"
         )
-    return Integration(step / divisions, 1.0)
+    return Integration(step / divisions)
 
 
 def slipping(

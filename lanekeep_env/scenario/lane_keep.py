@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require
+from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.randomisation import FRICTION_SHARE
 from lanekeep_env.roads import LimitedSpeed, RoadSpec, RoadWorksRoads, SpeedSpec, road_set, speed_from
@@ -17,10 +18,10 @@ from lanekeep_env.scenario.base import Channel, Measured, RoadScenario, steering
 from lanekeep_env.sensing.faults import MEASURED_CHANNELS, SENSOR_SETS, sensors_from
 
 _MODELS = {
-    ("kinematic", "linear"): at.KINEMATIC,
-    ("kinematic", "magic_formula"): at.KINEMATIC,
-    ("dynamic", "linear"): at.LINEAR,
-    ("dynamic", "magic_formula"): at.MAGIC_FORMULA,
+    ("kinematic", "linear"): models.KINEMATIC,
+    ("kinematic", "magic_formula"): models.KINEMATIC,
+    ("dynamic", "linear"): models.LINEAR,
+    ("dynamic", "magic_formula"): models.MAGIC_FORMULA,
 }
 
 
@@ -60,35 +61,28 @@ class LaneKeepScenario(RoadScenario):
         super()._check()
 
     @property
-    def model(self) -> int:
-        """The kernel's number of the vehicle model."""
+    def model(self) -> models.CarModel:
+        """The vehicle model."""
         return _MODELS[self.dynamics, self.tyre]
-
-    @property
-    def slips(self) -> bool:
-        """Whether the car has tyres."""
-        return self.dynamics == "dynamic"
 
     def _slowest(self) -> float:
         """Lowest speed of the profile on any of the roads, where it is slowed down the most, m/s."""
         factor = self.randomisation.speed[0] ** 2
-        if self.model == at.MAGIC_FORMULA and self.speed.lateral_limit > 0.0:
+        if self.model.saturates and self.speed.lateral_limit > 0.0:
             grip = FRICTION_SHARE * GRAVITY * self.friction * self.randomisation.friction[0]
             factor = min(factor, grip / self.speed.lateral_limit)
         slowest = min(float(speeds.min()) for _, speeds in road_set(self.road, self.speed))
         return slowest * math.sqrt(factor)
 
-    @property
-    def measured(self) -> tuple[Measured, ...]:
-        """The channels that come from sensors, in the order of the observation."""
-        return tuple(Measured(name, at.LATERAL + k) for k, name in enumerate(MEASURED_CHANNELS))
-
     def _channels(self) -> list[Channel]:
+        seen = Measured()
         channels = [
-            Channel("lateral_error", "m", -20.0, 20.0, "centre of gravity left of the lane's centre"),
-            Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the road's, left positive"),
-            Channel("yaw_rate", "rad/s", -4.0, 4.0, "left positive"),
-            Channel("speed", "m/s", 0.0, 100.0, "present speed"),
+            Channel("lateral_error", "m", -20.0, 20.0, "centre of gravity left of the lane's centre", at.LATERAL, seen),
+            Channel(
+                "heading_error", "rad", -math.pi, math.pi, "heading minus the road's, left positive", at.HEADING, seen
+            ),
+            Channel("yaw_rate", "rad/s", -4.0, 4.0, "left positive", at.YAW_RATE, seen),
+            Channel("speed", "m/s", 0.0, 100.0, "present speed", at.SPEED, seen),
             *steering_channels(),
         ]
         for k in range(self.preview):
@@ -96,9 +90,16 @@ class LaneKeepScenario(RoadScenario):
             channels.append(Channel(f"curvature_preview_{k}", "1/m", -1.0, 1.0, f"of the road {ahead}, left positive"))
         if self.observation == "full":
             channels += [
-                Channel("sideslip", "rad", -math.pi, math.pi, "course minus heading"),
-                Channel("curvature", "1/m", -1.0, 1.0, "of the road at the car, left positive"),
-                Channel("lateral_acceleration", "m/s²", -50.0, 50.0, "of the centre of gravity, left positive"),
+                Channel("sideslip", "rad", -math.pi, math.pi, "course minus heading", at.SIDESLIP),
+                Channel("curvature", "1/m", -1.0, 1.0, "of the road at the car, left positive", at.CURVATURE_HERE),
+                Channel(
+                    "lateral_acceleration",
+                    "m/s²",
+                    -50.0,
+                    50.0,
+                    "of the centre of gravity, left positive",
+                    at.ACCELERATION,
+                ),
             ]
         return channels
 

@@ -11,7 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, from_mapping, plain_numbers, require
+from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
+from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
 from lanekeep_env.randomisation import Randomisation, randomisation_from
 from lanekeep_env.roads.speed import SetSpeeds, set_speeds_from
@@ -57,19 +58,19 @@ class Servo:
         if self.angles is not None:
             if not isinstance(self.angles, tuple | list):
                 raise ValueError(
-                    f"servo.angles={self.angles!r} is not allowed: an odd number of angles, at least 3, rad"
+                    f"servo.angles={shown(self.angles)} is not allowed: an odd number of angles, at least 3, rad"
                 )
             for angle in self.angles:
                 require("servo.angles", angle, "rad", at_least=-1.5, at_most=1.5)
             object.__setattr__(self, "angles", tuple(float(angle) for angle in self.angles))
             if len(self.angles) < 3 or len(self.angles) % 2 == 0 or self.left is not None or self.right is not None:
                 raise ValueError(
-                    f"servo.angles={self.angles!r} is not allowed: an odd number of angles, at least 3, and neither "
-                    "left nor right beside them"
+                    f"servo.angles={shown(self.angles)} is not allowed: an odd number of angles, at least 3, "
+                    "and neither left nor right beside them"
                 )
             if any(after <= before for before, after in zip(self.angles[:-1], self.angles[1:], strict=True)):
                 raise ValueError(
-                    f"servo.angles={self.angles!r} is not allowed: the angles must rise from right to left"
+                    f"servo.angles={shown(self.angles)} is not allowed: the angles must rise from right to left"
                 )
         plain_numbers(self)
 
@@ -146,7 +147,7 @@ def scan_from(value: str | Mapping[str, Any] | Scan) -> Scan:
         choose("scan", value, SCANS)
         return SCANS[value]
     if not isinstance(value, Mapping):
-        raise ValueError(f"scan={value!r} must be {', '.join(SCANS)} or a mapping of Scan's fields")
+        raise ValueError(f"scan={shown(value)} must be {', '.join(SCANS)} or a mapping of Scan's fields")
     return from_mapping(Scan, value, "scan")
 
 
@@ -157,7 +158,7 @@ def servo_from(value: Mapping[str, Any] | Servo | None) -> Servo:
     if isinstance(value, Servo):
         return value
     if not isinstance(value, Mapping):
-        raise ValueError(f"servo={value!r} must be a mapping of Servo's fields")
+        raise ValueError(f"servo={shown(value)} must be a mapping of Servo's fields")
     return from_mapping(Servo, value, "servo")
 
 
@@ -167,7 +168,7 @@ def range_from(name: str, value: Any) -> tuple[float, float]:
     for bound in (low, high):
         require(name, bound, "rad", at_least=-0.5, at_most=0.5)
     if high < low:
-        raise ValueError(f"{name}={value!r} is not allowed: the bounds must be (low, high) with low <= high")
+        raise ValueError(f"{name}={shown(value)} is not allowed: the bounds must be (low, high) with low <= high")
     return float(low), float(high)
 
 
@@ -257,7 +258,9 @@ class WallFollowScenario(ScenarioRecord):
         require("cost_cap", self.cost_cap, "1/s", at_least=1e-6, at_most=1e6)
         require("encoder_ticks", self.encoder_ticks, "ticks a turn", at_least=0, at_most=1_000_000, whole=True)
         if not isinstance(self.encoder_direction, bool):
-            raise ValueError(f"encoder_direction={self.encoder_direction!r} is not allowed: it must be True or False")
+            raise ValueError(
+                f"encoder_direction={shown(self.encoder_direction)} is not allowed: it must be True or False"
+            )
         choose("observation", self.observation, ("measured", "full"))
         require("control_step", self.control_step, "s", at_least=self.base_step, at_most=1.0)
         multiple_of_step("control_step", self.control_step, self.base_step)
@@ -278,7 +281,7 @@ class WallFollowScenario(ScenarioRecord):
     def integration(self) -> Integration:
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
         fastest = self.largest_speed or self.speed.largest * self.randomisation.speed[1]
-        if self.dynamics == "dynamic":  # which a wall may stop
+        if self.model.slips:  # which a wall may stop
             return slipping(self.vehicle, self.randomisation, self.base_step, lambda: 0.0, fastest)
         return rolling(self.vehicle, self.base_step, fastest, self._wheel_angle + max(map(abs, self.steering_offset)))
 
@@ -310,9 +313,9 @@ class WallFollowScenario(ScenarioRecord):
             )
 
     @property
-    def model(self) -> int:
-        """The kernel's number of the vehicle model."""
-        return at.KINEMATIC if self.dynamics == "kinematic" else at.LINEAR
+    def model(self) -> models.CarModel:
+        """The vehicle model."""
+        return models.KINEMATIC_PACED if self.dynamics == "kinematic" else models.LINEAR_PACED
 
     @property
     def axles(self) -> tuple[float, float]:
@@ -329,16 +332,6 @@ class WallFollowScenario(ScenarioRecord):
         """Speed that action 1 asks for, m/s; 0 where speed is no action."""
         return 0.0
 
-    @property
-    def measured(self) -> tuple[Measured, ...]:
-        """The channels that come from scalar sensors, in the order of the observation."""
-        return (
-            *(Measured(f"distance_{side}", row, missing=0.0, holds=False) for side, row in _ULTRASONICS),
-            Measured("yaw_rate", at.YAW_RATE),
-            Measured("speed", at.WHEEL_SPEED),
-            Measured("steering_angle", at.STEER),
-        )
-
     def _channels(self) -> list[Channel]:
         far = ULTRASONIC[1]
         channels = [
@@ -348,12 +341,14 @@ class WallFollowScenario(ScenarioRecord):
                 0.0,
                 far,
                 f"of the nearest wall in the ultrasonic's cone to the {side}, 0: no echo",
+                row,
+                Measured(missing=0.0, holds=False),
             )
-            for side, _ in _ULTRASONICS
+            for side, row in _ULTRASONICS
         ]
         channels += [
-            Channel("yaw_rate", "rad/s", -20.0, 20.0, "left positive"),
-            Channel("speed", "m/s", -20.0, 20.0, "of the wheels, by the encoder"),
+            Channel("yaw_rate", "rad/s", -20.0, 20.0, "left positive", at.YAW_RATE, Measured()),
+            Channel("speed", "m/s", -20.0, 20.0, "of the wheels, by the encoder", at.WHEEL_SPEED, Measured()),
             *steering_channels(),
         ]
         channels += self._further()
@@ -362,13 +357,13 @@ class WallFollowScenario(ScenarioRecord):
             channels.append(Channel(f"scan_{k}", "m", 0.0, self.scan.farthest, f"range at {angle:+.1f} deg, 0: none"))
         if self.observation == "full":
             channels += [
-                Channel("lateral_error", "m", -20.0, 20.0, self._lateral_error),
-                Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the centre line's"),
-                Channel("clearance", "m", 0.0, 20.0, "distance of the body from the nearest wall"),
-                Channel("steering_offset", "rad", -0.5, 0.5, "of this episode"),
+                Channel("lateral_error", "m", -20.0, 20.0, self._lateral_error, at.ERROR),
+                Channel("heading_error", "rad", -math.pi, math.pi, "heading minus the centre line's", at.TURNED),
+                Channel("clearance", "m", 0.0, 20.0, "distance of the body from the nearest wall", at.CLEARANCE),
+                Channel("steering_offset", "rad", -0.5, 0.5, "of this episode", at.STEER_OFFSET),
             ]
         if round(self.scan.period / self.control_step) > 1:
-            channels.append(Channel("scan_new", "", 0.0, 1.0, "1 where the scan is a new one, else 0"))
+            channels.append(Channel("scan_new", "", 0.0, 1.0, "1 where the scan is a new one, else 0", at.SCAN_NEW))
         return channels
 
     _lateral_error: ClassVar[str] = "of the side sensor: distance of the right wall minus the set one"
@@ -433,4 +428,4 @@ class CircuitScenario(WallFollowScenario):
         return at.LARGEST_CIRCUIT_COST
 
     def _further(self) -> list[Channel]:
-        return [Channel("speed_command", "m/s", -20.0, 20.0, "set speed that was asked for")]
+        return [Channel("speed_command", "m/s", -20.0, 20.0, "set speed that was asked for", at.SPEED_TARGET)]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
+from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require, shown
 
 #: Channels that come from sensors, in the order of the observation: lane keeping, guidance by camera, between walls.
 MEASURED_CHANNELS = ("lateral_error", "heading_error", "yaw_rate", "speed", "steering_angle")
@@ -152,21 +152,23 @@ def sensors_from(
     """
     if value is None:
         return ()
-    if isinstance(value, tuple):
+    if isinstance(value, tuple) and all(
+        isinstance(one, tuple) and len(one) == 2 and isinstance(one[1], Sensor) for one in value
+    ):
         return value
     if isinstance(value, str):
         choose("sensors", value, sets)
         return tuple(sets[value].items())
     if not isinstance(value, Mapping):
-        raise ValueError(f"sensors={value!r} must be {', '.join(sets)} or a mapping of channels to faults")
+        raise ValueError(f"sensors={shown(value)} must be {', '.join(sets)} or a mapping of channels to faults")
     read: dict[str, Sensor] = {}
     for channel, sensor in value.items():
         if channel not in channels:
             raise ValueError(
-                f"sensors has no channel {channel!r}{nearest(channel, channels)}; allowed: {', '.join(channels)}"
+                f"sensors has no channel {shown(channel)}{nearest(channel, channels)}; allowed: {', '.join(channels)}"
             )
         if not isinstance(sensor, Sensor | Mapping):
-            raise ValueError(f"sensors.{channel}={sensor!r} must be a mapping of faults, e.g. {{'noise': 0.01}}")
+            raise ValueError(f"sensors.{channel}={shown(sensor)} must be a mapping of faults, e.g. {{'noise': 0.01}}")
         read[channel] = sensor if isinstance(sensor, Sensor) else from_mapping(Sensor, sensor, f"sensors.{channel}")
     return tuple((channel, read[channel]) for channel in channels if channel in read)
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import json
+import math
+import os
 import pickle
 from pathlib import Path
 
@@ -96,10 +99,14 @@ def weights(folder):
 
 
 def refused(folder):
+    """Refuse to go on, in one short line, and leave the folder as it is."""
+    before = {file: file.read_bytes() for file in folder.iterdir()}
     with pytest.raises(ValueError) as error:
         run(tiny(), folder, resume=True)
     assert str(folder / CHECKPOINT) in str(error.value)
-    assert not list(folder.glob("*.safetensors"))
+    assert "\n" not in str(error.value) and len(str(error.value)) < 1000
+    assert {file: file.read_bytes() for file in folder.iterdir()} == before
+    return str(error.value)
 
 
 def test_a_whole_checkpoint_is_taken_and_holds_plain_arrays_only(folder, finished):
@@ -155,6 +162,108 @@ def test_a_checkpoint_that_lacks_something_is_refused(name, folder):
 def test_a_checkpoint_with_something_else_in_it_is_refused(name, other, folder):
     changed(folder, **{name: other})
     refused(folder)
+
+
+def renumbered(folder, *path, value):
+    """Write the checkpoint with another value at a place in its numbers."""
+    with np.load(folder / CHECKPOINT, allow_pickle=False) as file:
+        numbers = json.loads(str(file["numbers"]))
+    place = numbers
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    changed(folder, numbers=np.array(json.dumps(numbers)))
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("counts", "num_timesteps"), -1),
+        (("counts", "num_timesteps"), 1.5),
+        (("counts", "num_timesteps"), 10**400),
+        (("counts", "_current_progress_remaining"), "1"),
+        (("numpy", 0), "PCG64"),
+        (("numpy", 1), 10**6),
+        (("numpy", 1), -1),
+        (("numpy", 3), math.nan),
+        (("action_space", "state", "inc"), 10**400),
+        (("policy", "pairs", 1, 1, "tensor"), "torch.policy.log_std"),
+        (("policy", "pairs", 0), []),
+        (("policy.optimizer", "pairs", 0, 1, "pairs", 0, 1, "pairs", 1, 1, "tensor"), "torch.policy.action_net.weight"),
+        (("policy.optimizer", "pairs", 1, 1, "list", 0, "pairs", 1, 1, "list", 0), "0.9"),
+        (("policy.optimizer", "pairs", 1, 1, "list", 0, "pairs", 0, 1), -1.0),
+        (("notes", "scores"), []),
+        (("notes", "scores", 0), 3),
+        (("notes", "scores", 0, 1, 0), "x"),
+        (("notes", "seconds"), {}),
+        (("notes", "seconds", "total"), 10**400),
+    ],
+    ids=str,
+)
+def test_numbers_that_no_run_has_are_refused(path, value, folder):
+    renumbered(folder, *path, value=value)
+    refused(folder)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("normalisation.variance", -1.0, "normalisation.variance holds -1.0"),
+        ("normalisation.mean", np.nan, "normalisation.mean holds nan"),
+        ("torch.policy.action_net.weight", np.inf, "torch.policy.action_net.weight holds inf"),
+        ("torch.policy.optimizer.state.1.exp_avg_sq", -1.0, "policy.optimizer.exp_avg_sq holds -1.0"),
+        ("best.layers.0.weight", np.nan, "best.layers.0.weight holds nan"),
+        ("seen._last_obs", np.nan, "seen._last_obs holds nan"),
+        ("rewards.returns", np.inf, "rewards.returns holds inf"),
+        ("lanes.lanes", 1e30, "state: along 1e+30 is not allowed"),
+        ("lanes.counters", 2**62, "state: segment 4611686018427387904 does not exist"),
+    ],
+)
+def test_arrays_that_no_run_has_are_refused(name, value, words, folder):
+    with np.load(folder / CHECKPOINT, allow_pickle=False) as file:
+        array = file[name]
+    changed(folder, **{name: np.full_like(array, value)})
+    assert words in refused(folder).replace("'", "")
+    changed(folder, **{name: array.astype("f2")})
+    refused(folder)
+    changed(folder, **{name: array, "x" * 1000: array})
+    assert "is unknown" in refused(folder)
+
+
+def test_a_bomb_is_refused(folder):
+    with np.load(folder / CHECKPOINT, allow_pickle=False) as file:
+        kept = {name: file[name] for name in file.files}
+    np.savez_compressed(folder / CHECKPOINT, **kept, bomb=np.zeros(3 << 20))
+    assert (folder / CHECKPOINT).stat().st_size < 1 << 20
+    assert "its arrays have" in refused(folder)
+
+
+@pytest.mark.parametrize("name", [SETTINGS, CHECKPOINT, EVALUATIONS, "ppo-lane-keep-seed0.json"])
+def test_what_is_no_file_is_refused_at_once(name, folder):
+    (folder / name).unlink(missing_ok=True)
+    for make in (os.mkfifo, os.mkdir, lambda path: os.symlink("/dev/zero", path)):
+        make(folder / name)
+        for how in ({"resume": True}, {"overwrite": True}):
+            with pytest.raises(ValueError, match="not an ordinary file"):
+                run(tiny(), folder, **how)
+        assert (folder / CHECKPOINT).exists() or name == CHECKPOINT
+        os.rename(folder / name, folder.parent / f"{name}-{make}")
+
+
+def test_two_runs_never_share_a_folder(tmp_path):
+    """While one is under way, another that goes on with it or replaces it is refused, and spoils nothing."""
+    pytest.importorskip("fcntl")
+    refusals = []
+
+    def intrude(steps, line):
+        for how in ({"resume": True}, {"overwrite": True}):
+            with pytest.raises(ValueError, match="another process is writing there") as error:
+                run(tiny(), tmp_path / "shared", **how)
+            refusals.append(str(error.value))
+
+    run(tiny(), tmp_path / "shared", report=lambda steps, line: None if refusals else intrude(steps, line))
+    assert len(refusals) == 2
+    run(tiny(), tmp_path / "shared", resume=True)
 
 
 @pytest.mark.parametrize("other", [("ppo", 1), ("sac", 0)], ids=str)

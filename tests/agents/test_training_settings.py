@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import json
+import math
 import shlex
 
 import pytest
@@ -84,7 +86,7 @@ def test_an_entry_overrides_the_default_and_mappings_are_merged(tmp_path, monkey
         ("ppo LaneKeep-v0 --set parameters.n_epochs=-1", ["parameters.n_epochs=-1", ">= 1"]),
         ("ppo LaneKeep-v0 --set parameters.gae_lambda=null", ["parameters.gae_lambda=None", "<= 1.0"]),
         ("sac LaneKeep-v0 --set parameters.train_freq=0", ["parameters.train_freq=0", ">= 1"]),
-        ("ppo LaneKeep-v0 --set gamma=1" + 400 * "0", ["gamma=1000", "a finite number"]),
+        ("ppo LaneKeep-v0 --set gamma=1" + 400 * "0", ["gamma=<an integer of 400 digits>", "a finite number"]),
         ("sac LaneKeep-v0 --set parameters.ent_coef=auto_..", ["parameters.ent_coef='auto_..'", 'or "auto"']),
         ("sac LaneKeep-v0 --set parameters.ent_coef=x", ["parameters.ent_coef='x'", 'or "auto"']),
         ("td3 LaneKeep-v0 --set parameters.ent_coef=auto", ["parameters='ent_coef'", "policy_delay"]),
@@ -125,6 +127,29 @@ def test_changes_are_json_or_yaml():
         "hidden": [8, 8],
         "log_std": -2,
     }
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        *("!!int", "!!int ''", "!!float x", "!!timestamp x", "!!bool x", "!!binary é", "!!omap [a]", "!!null {"),
+        *("!!python/name:os.system", "!!python/object/apply:os.system [ls]", "!x", "&a [*a]", "[&a x, *a]"),
+        *("[" * 5000, "{a: " * 2000, "- " * 3000, "9" * 5000, "NaN" * 6000, '{"a": 1, "a": 2}', "\0", "? ? ?", "%x"),
+        "{a: &a [x, x], b: &b [*a, *a], c: [*b, *b]}",
+    ],
+    ids=lambda value: value[:20],
+)
+def test_values_that_are_neither_json_nor_plain_yaml_are_one_line(value):
+    with pytest.raises(ValueError) as error:
+        changes_from([f"env.x={value}"])
+    text = str(error.value)
+    assert text.startswith("--set ") and text.isprintable() and len(text) < 300
+
+
+@pytest.mark.parametrize("value", [[1e999], {"a": math.nan}, functools.reduce(lambda deep, _: [deep], range(500), 1)])
+def test_an_env_that_no_record_can_hold_is_refused(value):
+    with pytest.raises(ValueError, match="a record must hold it as JSON"):
+        settings_for("ppo", "LaneKeep-v0", env={"road": value})
 
 
 def test_whole_numbers_may_be_written_as_floats():

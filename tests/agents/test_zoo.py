@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 import lanekeep_agents
+import lanekeep_baselines
 import lanekeep_env
 from lanekeep_agents.policy_file import read_policy, read_record
 from lanekeep_agents.training.run import command
 from lanekeep_agents.training.settings import TrainingSettings, changes_from, settings_for
 from lanekeep_benchmarks.summary import rows_of
+from lanekeep_env.scenario import DriveScenario, LaneKeepScenario, TurnOffScenario
 
 ROOT = Path(__file__).parents[2]
 ZOO = Path(lanekeep_agents.__path__[0], "zoo")
@@ -83,3 +85,20 @@ def test_the_readme_lists_them_all():
     text = (ROOT / "README.md").read_text()
     listed = set(re.findall(r"^\| (\S*?ppo-\S+(?: \(\d seeds\))?) \|", text, re.MULTILINE))
     assert listed == set(rows_of(NAMES))
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [LaneKeepScenario(preview=20), LaneKeepScenario(), TurnOffScenario(), DriveScenario()],
+    ids=lambda scenario: f"{type(scenario).__name__}-{getattr(scenario, 'preview', 0)}",
+)
+def test_names_are_those_that_load_and_nothing_is_designed_to_tell(scenario, monkeypatch):
+    def load(name):
+        try:
+            return lanekeep_agents.load(name, scenario).name
+        except ValueError:
+            return None
+
+    loaded = [name for name in NAMES if load(name)]
+    monkeypatch.setattr(lanekeep_baselines, "make", None)
+    assert list(lanekeep_agents.names(scenario)) == loaded

@@ -8,9 +8,11 @@ import control
 import numpy as np
 import pytest
 
-from lanekeep_baselines.lq_design import Cost, Estimated, Gains, Measuring, Weights, gains, on_samples
+from lanekeep_baselines.lq import LqPreview
+from lanekeep_baselines.lq_design import Cost, Estimated, Gains, Measuring, Weights, doubled, gains, on_samples
 from lanekeep_baselines.lq_model import LATERAL, STATES, STEER, StepModel
 from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.scenario import EvasiveScenario
 
 STEP = 0.05
 COST = Cost(lateral=0.5, weight=2.0, rate=0.1)
@@ -180,3 +182,31 @@ def test_the_filter_is_the_recursion_of_the_textbook(
             covariance = covariance - np.outer(gain, covariance[seen])
         if step >= 1400:
             np.testing.assert_allclose(steady[:n], x[:n], rtol=1e-6, atol=1e-6 * np.abs(x).max())
+
+
+def without_scipy_s_solver(*_: object, **__: object) -> None:
+    raise ValueError("cannot be ordered")
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+@pytest.mark.parametrize("late", [(0, 0, 0, 0), (0, 1, 0, 2), (1, 0, 3, 4)], ids=str)
+def test_doubling_gives_the_same_filter(
+    kind: Estimated, late: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, measuring = model_of(30.0, 0.13), Measuring(SENSORS, late)
+    wanted = kind.filter(model, WEIGHTS, measuring, 30.0, STEP)
+    monkeypatch.setattr("scipy.linalg.solve_discrete_are", without_scipy_s_solver)
+    np.testing.assert_allclose(kind.filter(model, WEIGHTS, measuring, 30.0, STEP), wanted, rtol=1e-6, atol=1e-8)
+
+
+def test_late_sensors_that_scipy_may_not_order_are_designed_for() -> None:
+    """Ten late samples at 50 Hz: at one of the speeds scipy's ordered eigenvalues are too far from where they were."""
+    policy = LqPreview(EvasiveScenario(sensors="poor", preview_interval=0.2))
+    assert policy.memory == 5 + 10 + 1
+
+
+def test_an_equation_without_a_solution_is_said_in_a_line() -> None:
+    """What wanders and is not measured becomes ever less known."""
+    one, none = np.eye(1), np.zeros((1, 1))
+    with pytest.raises(ValueError, match=r"^the Riccati equation has no solution"):
+        doubled(one, none, one)

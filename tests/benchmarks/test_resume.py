@@ -2,6 +2,8 @@
 
 import errno
 import json
+import math
+import os
 import shutil
 
 import numpy as np
@@ -168,6 +170,25 @@ def test_a_changed_scenario_is_refused(killed, capsys, monkeypatch):
         ({"episode_seed": 1}, "episode_seed is 1 there"),
         ({"episode": 0, "episode_seed": None}, "repeats slalom, pd, episode 0"),
         ({"sead": 1}, "is not a result line (result line has no field 'sead' (did you mean 'seed'?)"),
+        ({"metrics": {"return": 1.0}}, "metrics.rms_lateral_error is 'missing' there, 'a number' wanted; metrics.peak"),
+        ({"metrics": {}}, "metrics.return is 'missing' there"),
+        ({"metrics": {"lap_time": 1.0}}, "metrics.lap_time is 'a number' there, 'none' wanted"),
+        ({"metrics": {"retrun": 1.0}}, "metrics='retrun' is unknown (did you mean 'return'?)"),
+        ({"metrics": [1.0]}, "metrics=[1.0] is not allowed: it must be a mapping"),
+        ({"metrics": {"return": "1"}}, "metrics.return='1' is not allowed: it must be a finite number"),
+        ({"metrics": {"return": 10**400}}, "metrics.return=<an integer of 400 digits> is not allowed"),
+        ({"metrics": {"return": math.nan}}, "is not a result line (NaN is not allowed"),
+        ({"metrics": {"return": 1e300}}, "and <= 1e+50"),
+        ({"episode": 1.0}, "episode=1.0 is not allowed: it must be a whole number"),
+        ({"episode": True}, "episode=True is not allowed"),
+        ({"episode": 10**400}, "episode is <an integer of 400 digits> there, '0 to 3' wanted"),
+        ({"failed": 0}, "failed=0 is not allowed: it must be true or false"),
+        ({"steps": 0}, "steps=0 is not allowed"),
+        ({"steps": 10**400}, "steps=<an integer of 400 digits> is not allowed"),
+        ({"policy": ["pd"]}, "policy=['pd'] is not allowed: it must be a text"),
+        ({"policy": "x" * 30_000}, "policy is 'xxxx"),
+        ({"scenario": None}, "scenario=None is not allowed: it must be a text"),
+        ({"version": {}}, "version={} is not allowed"),
     ],
 )
 def test_a_foreign_line_is_refused_by_its_number(killed, change, words, capsys):
@@ -180,7 +201,13 @@ def test_a_foreign_line_is_refused_by_its_number(killed, change, words, capsys):
     assert f"{killed / EPISODES} line 2 " in error and words in error
 
 
-@pytest.mark.parametrize("garbage", [b"\0" * 40, b'{"suite": "sh', b"3", b"[]", b'"text"', b"\xff\xfe"])
+@pytest.mark.parametrize(
+    "garbage",
+    [
+        *(b"\0" * 40, b'{"suite": "sh', b"3", b"[]", b'"text"', b"\xff\xfe", b"", b"[" * 60_000, b"9" * 5000),
+        b'{"suite": "short", "suite": "short"}',
+    ],
+)
 def test_garbage_between_lines_is_refused(killed, garbage, capsys):
     first, *rest = (killed / EPISODES).read_bytes().splitlines(keepends=True)
     (killed / EPISODES).write_bytes(first + garbage + b"\n" + b"".join(rest))
@@ -191,6 +218,62 @@ def test_garbage_between_lines_is_refused(killed, garbage, capsys):
 def test_a_broken_record_is_refused(killed, content, capsys):
     (killed / RUN).write_text(content)
     assert f"{killed / RUN} is not the record of a run" in refusal(killed, capsys)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"episodes": 10**400}, "episodes=<an integer of 400 digits> is not allowed"),
+        ({"episodes": 4.0}, "episodes=4.0 is not allowed: it must be a whole number"),
+        ({"seed": "0"}, "seed='0' is not allowed"),
+        ({"policies": "pd"}, "policies='pd' is not allowed: it must be a list of texts"),
+        ({"policies": ["pd", "pd"]}, "the texts must differ"),
+        ({"policies": []}, "policies=[] is not allowed"),
+        ({"scenario_hash": {"slalom": 3}}, "scenario_hash of 'slalom'=3 is not allowed: it must be a text"),
+        ({"scenario_hash": []}, "scenario_hash=[] is not allowed: it must be a mapping"),
+        ({"metrics": {"slalom": ["return"]}}, "metrics of slalom is ['return'] there"),
+        ({"road": 3}, "road=3 is not allowed"),
+        ({"suite": "x" * 100_000}, "suite 'xxx"),
+        ({"sead": 1}, "has no field 'sead' (did you mean 'seed'?)"),
+        ({"version": ["x" * 100_000]}, "version is ['xxx"),
+        ({f"x{k}": k for k in range(200_000)}, "bytes, allowed are 1048576"),
+    ],
+)
+def test_a_record_with_something_else_in_it_is_refused(killed, change, words, capsys):
+    record = json.loads((killed / RUN).read_text())
+    (killed / RUN).write_text(json.dumps(record | change))
+    error = refusal(killed, capsys)
+    assert words in error and len(error) < 1500
+
+
+@pytest.mark.parametrize("end", [b"x", b'{"suite": "' + b"x" * 70_000, b"\0x", b"\n\n{"])
+def test_an_end_that_no_run_leaves_is_refused(killed, end, capsys):
+    content = (killed / EPISODES).read_bytes()
+    (killed / EPISODES).write_bytes(content[: content.rindex(b"\n") + 1] + end)
+    assert f"{killed / EPISODES} line 7 " in refusal(killed, capsys)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes")
+@pytest.mark.parametrize("name", [RUN, EPISODES, "summary.json", "summary.md", "plot_errors.png"])
+@pytest.mark.parametrize("kind", ["pipe", "folder", "device", "link"])
+def test_what_is_no_file_is_refused_at_once(killed, name, kind, tmp_path, capsys):
+    victim = tmp_path / "victim"
+    victim.write_bytes(b"mine")
+    (killed / name).unlink(missing_ok=True)
+    if kind == "pipe":
+        os.mkfifo(killed / name)
+    elif kind == "folder":
+        (killed / name).mkdir()
+    else:
+        (killed / name).symlink_to("/dev/zero" if kind == "device" else victim)
+    for options in (["--resume"], ["--overwrite"]):
+        if name == RUN and options == ["--resume"] and kind == "link":
+            continue  # it is read, as one that is not the record of a run
+        assert main([*BENCH, "--out", str(killed), *options]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1 and "not an ordinary file" in error and str(killed / name) in error
+    assert victim.read_bytes() == b"mine" and os.path.lexists(killed / name)
+    assert not (killed / ".run.json.tmp").exists()
 
 
 def test_lines_without_a_record_are_refused(killed, capsys):

@@ -298,7 +298,7 @@ def drive(model, advance):
         advance(lanes, at.COMMAND, settings, None)
     go.__qualname__ = go.__name__ = "go_" + model
     go = kernel()(go)
-    lanes, settings = np.full((at.LANE_ROWS, 1), 0.5), np.full(at.BOUNDS, 0.01)
+    lanes, settings = np.full((at.LANE_ROWS, 1), 0.5), np.full(at.CHANNELS, 0.01)
     go(lanes, settings)
     print(lanes[at.LATERAL, 0].hex(), sum(go.stats.cache_hits.values()))
 for model in sys.argv[1:]:

@@ -72,13 +72,18 @@ def test_videos_are_written(tmp_path):
     for _ in range(5):
         env.step(np.zeros(1, np.float32))
     env.close()
-    vector = gym.make_vec("lanekeep/LaneKeep-v0", 2, "vector_entry_point", render_mode="rgb_array")
-    recorded = gym.wrappers.vector.RecordVideo(vector, str(tmp_path / "vector"), video_length=4)
+    assert list(tmp_path.glob("*.mp4"))
+
+
+@pytest.mark.skipif(not hasattr(gym.wrappers.vector, "RecordVideo"), reason="gymnasium 1.1 has none for vectors")
+def test_videos_of_vectors_are_written(tmp_path):
+    env = gym.make_vec("lanekeep/LaneKeep-v0", 2, "vector_entry_point", render_mode="rgb_array")
+    recorded = gym.wrappers.vector.RecordVideo(env, str(tmp_path), video_length=4)
     recorded.reset(seed=0)
     for _ in range(5):
         recorded.step(np.zeros((2, 1), np.float32))
     recorded.close()
-    assert list(tmp_path.glob("*.mp4")) and list((tmp_path / "vector").glob("*.mp4"))
+    assert list(tmp_path.glob("*.mp4"))
 
 
 def test_human_mode_runs_without_a_screen(monkeypatch):

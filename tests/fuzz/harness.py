@@ -27,6 +27,9 @@ GIB = 1 << 30
 #: Longest error, characters.
 LONGEST_MESSAGE = 1500
 
+#: How much longer than the processor's time a case may take by the clock.
+PATIENCE = 3.0
+
 
 def special_files(folder: Path) -> Iterator[tuple[str, Path]]:
     """Make files that are none, or are endless or empty, in ``folder``; yield what each is and its path.
@@ -167,8 +170,9 @@ def drive(
 
     A check reads something of others. It may return, or raise one of ``refusals`` with one printable line of at most
     `LONGEST_MESSAGE` characters. Any other exception (an AssertionError of the check's own is one), more than
-    ``seconds`` (then the process is killed), a growth of more than ``memory`` bytes, or the end of the process, is
-    a violation that begins with the case's label.
+    ``seconds`` of the processor's time, `PATIENCE` times that by the clock (then the process is killed: it hangs,
+    however busy the machine is), a growth of more than ``memory`` bytes, or the end of the process, is a violation
+    that begins with the case's label.
     """
     cases = list(cases)
     reports: list[_Report] = []
@@ -212,8 +216,8 @@ def _batch(
     reports: list[_Report] = []
     try:
         while first + len(reports) < len(cases):
-            if not receiver.poll(seconds):
-                return [*reports, _Report(fault=f"no end within {seconds:g} s", seconds=seconds)]
+            if not receiver.poll(PATIENCE * seconds):
+                return [*reports, _Report(fault=f"no end within {PATIENCE * seconds:g} s", seconds=seconds)]
             report = receiver.recv()
             if report.seconds > seconds and not report.fault:
                 report = report._replace(fault=f"took {report.seconds:.1f} s")
@@ -240,7 +244,7 @@ def _work(
     limit = _status("VmSize") + 4 * memory
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     for _, argument in cases:
-        before, begin = _status("VmRSS"), time.perf_counter()
+        before, begin = _status("VmRSS"), time.process_time()
         with suppress(OSError):  # forget the peak so far
             Path("/proc/self/clear_refs").write_text("5")
         refused, fault = False, ""
@@ -250,7 +254,7 @@ def _work(
             refused, fault = True, _message_fault(str(error))
         except BaseException as error:
             fault = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
-        taken, peak = time.perf_counter() - begin, max(0, _status("VmHWM") - before)
+        taken, peak = time.process_time() - begin, max(0, _status("VmHWM") - before)
         if peak > memory and not fault:
             fault = f"took {peak / 2**20:.0f} MiB"
         sender.send(_Report(refused, fault, taken, peak))

@@ -16,18 +16,27 @@ from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.save_util import recursive_getattr
 from stable_baselines3.common.vec_env import VecNormalize
 
+from lanekeep_agents.export import export_sb3
+from lanekeep_agents.training.checkpoint_checks import (
+    REPLAY,
+    SEEN,
+    Arrays,
+    check_arrays,
+    check_numbers,
+    check_optimizers,
+    check_replay,
+    largest,
+    optimizers_of,
+)
 from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.vec_env import LaneVecEnv
 from lanekeep_env.files import write_atomic
+from lanekeep_env.plain import parse_json, read_arrays
 
-Arrays = dict[str, np.ndarray]
-
+#: Characters of an error that its own repeats.
+LONGEST_REASON = 300
 #: Of the algorithm: how far it is.
 _COUNTS = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
-#: What it saw last.
-_SEEN = ("_last_obs", "_last_original_obs", "_last_episode_starts")
-#: Of a replay buffer.
-_REPLAY = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
 def write_checkpoint(
@@ -41,11 +50,23 @@ def write_checkpoint(
         notes: what else there is to keep, JSON-able; its "settings" say which run it is.
         best: tensors of the best policy so far.
     """
+    numbers: dict[str, Any] = {"notes": dict(notes)}
+    arrays = _collect(model, env, best, numbers)
+    arrays["numbers"] = np.array(json.dumps(numbers))
+    content = io.BytesIO()
+    np.savez(content, allow_pickle=False, **arrays)
+    write_atomic(path, content.getvalue())
+
+
+def _collect(
+    model: BaseAlgorithm, env: VecNormalize, best: Mapping[str, np.ndarray], numbers: dict[str, Any]
+) -> Arrays:
+    """Return the arrays of a state; ``numbers`` get the rest of it."""
     arrays: Arrays = {f"best.{name}": tensor for name, tensor in best.items()}
-    numbers: dict[str, Any] = {"notes": dict(notes), "counts": {name: getattr(model, name) for name in _COUNTS}}
+    numbers["counts"] = {name: getattr(model, name) for name in _COUNTS}
     for name, part in (*_parts(env).items(), ("random", _random(numbers))):
         arrays |= {f"{name}.{key}": value for key, value in part.items()}
-    for name in _SEEN:
+    for name in SEEN:
         if getattr(model, name, None) is not None:
             arrays[f"seen.{name}"] = getattr(model, name)
     states, variables = model._get_torch_save_params()
@@ -56,10 +77,7 @@ def write_checkpoint(
     if isinstance(model, OffPolicyAlgorithm):
         numbers["replay"] = _keep_replay(model, arrays)
     numbers["action_space"] = model.action_space.np_random.bit_generator.state
-    arrays["numbers"] = np.array(json.dumps(numbers))
-    content = io.BytesIO()
-    np.savez(content, allow_pickle=False, **arrays)
-    write_atomic(path, content.getvalue())
+    return arrays
 
 
 def read_checkpoint(
@@ -76,29 +94,34 @@ def read_checkpoint(
         ValueError: the file is not a checkpoint, or one of another run.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        numbers = json.loads(str(arrays["numbers"]))
+        env.reset()  # lanes must be seeded before they have a state
+        fresh_numbers: dict[str, Any] = {}
+        best = export_sb3(model, env)[2]
+        fresh = _collect(model, env, best, fresh_numbers)
+        arrays = read_arrays(path, largest(model, fresh))
+        numbers = parse_json(str(arrays.pop("numbers")))
         if numbers["notes"]["settings"] != json.loads(json.dumps(settings)):  # tuples are lists there
             raise ValueError("it is of other settings")
+        check_arrays(model, arrays, fresh)
+        check_numbers(model, numbers, fresh_numbers)
+        usual = {name: recursive_getattr(model, name).state_dict()["param_groups"] for name in optimizers_of(model)}
         _restore(model, env, arrays, numbers)
-    except Exception as error:  # zipfile, numpy and torch raise errors of many kinds
-        raise ValueError(f"{path} is not a checkpoint of this run: {error}") from None
+        check_optimizers(model, usual)
+    except Exception as error:  # numpy and torch raise errors of many kinds
+        told = " ".join(str(error).split())[:LONGEST_REASON] or type(error).__name__
+        raise ValueError(f"{path} is not a checkpoint of this run: {told}") from None
     return numbers["notes"], _under("best", arrays)
 
 
 def _restore(model: BaseAlgorithm, env: VecNormalize, arrays: Arrays, numbers: dict[str, Any]) -> None:
-    env.reset()  # lanes must be seeded before they can be set
     for name, part in _layers(env).items():
         part.set_state(_under(name, arrays))
     mean, variance, count = (arrays[f"normalisation.{key}"] for key in ("mean", "variance", "count"))
     statistics = statistics_of(env)
-    if not mean.shape == variance.shape == statistics.mean.shape:
-        raise ValueError(f"normalisation has shape {mean.shape}, allowed: {statistics.mean.shape}")
     statistics.mean, statistics.var, statistics.count = mean, variance, float(count)
     for name in _COUNTS:
         setattr(model, name, type(getattr(model, name))(numbers["counts"][name]))
-    for name in _SEEN:
+    for name in SEEN:
         if f"seen.{name}" in arrays:
             setattr(model, name, arrays[f"seen.{name}"])
     states, variables = model._get_torch_save_params()
@@ -175,7 +198,7 @@ def _keep_replay(model: OffPolicyAlgorithm, arrays: Arrays) -> list[int]:
     buffer = model.replay_buffer
     assert buffer is not None
     filled = buffer.buffer_size if buffer.full else buffer.pos
-    for name in _REPLAY:
+    for name in REPLAY:
         arrays[f"replay.{name}"] = getattr(buffer, name)[:filled]
     return [buffer.pos, int(buffer.full)]
 
@@ -183,7 +206,8 @@ def _keep_replay(model: OffPolicyAlgorithm, arrays: Arrays) -> list[int]:
 def _fill_replay(model: OffPolicyAlgorithm, arrays: Arrays, places: list[int]) -> None:
     buffer = model.replay_buffer
     assert buffer is not None
-    for name in _REPLAY:
+    check_replay(arrays, buffer.buffer_size, places)
+    for name in REPLAY:
         kept = arrays[f"replay.{name}"]
         getattr(buffer, name)[: len(kept)] = kept
     buffer.pos, buffer.full = places[0], bool(places[1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,10 @@ import gymnasium as gym
 import numpy as np
 
 import lanekeep_env  # noqa: F401
+from lanekeep_env.checks import shown
+
+#: No number of a run is larger.
+LARGEST = 1e50
 
 
 @dataclass(frozen=True)
@@ -19,6 +23,18 @@ class Score:
     mean_return: float
     failure_rate: float
     rms_lateral_error: float
+
+    @classmethod
+    def of(cls, values: Sequence[Any]) -> Score:
+        """Read what a file holds; ValueError or TypeError where it is no score."""
+        return cls(*(number(value, float) for value in values))
+
+
+def number(value: Any, kind: type[int] | type[float]) -> Any:
+    """Return a number that a file holds; ValueError where it is none of a run."""
+    if type(value) is not kind or not abs(value) <= LARGEST:
+        raise ValueError(f"{shown(value)} is not allowed: it must be {kind.__name__}, {LARGEST:g} at the most")
+    return value
 
 
 class HeldOut:

@@ -11,20 +11,22 @@ from typing import Any
 
 from lanekeep_env.checks import choose, require
 
-_COUNT: dict[str, Any] = {"at_least": 1, "whole": True}
+#: More of anything is no training run, and more than memory holds.
+_MOST = 100_000_000
+_COUNT: dict[str, Any] = {"at_least": 1, "at_most": _MOST, "whole": True}
 _OFF_POLICY: dict[str, dict[str, Any]] = {
     "buffer_size": _COUNT,
     "batch_size": _COUNT,
-    "learning_starts": {"at_least": 0, "whole": True},
+    "learning_starts": {"at_least": 0, "at_most": _MOST, "whole": True},
     "train_freq": _COUNT,
-    "gradient_steps": {"at_least": -1, "whole": True},  # -1: as many as there were steps
+    "gradient_steps": {"at_least": -1, "at_most": _MOST, "whole": True},  # -1: as many as there were steps
     "tau": {"above": 0.0, "at_most": 1.0},
 }
 #: Bounds of each argument of each algorithm.
 _BOUNDS: dict[str, dict[str, dict[str, Any]]] = {
     "ppo": {
         "n_steps": _COUNT,
-        "batch_size": {"at_least": 2, "whole": True},
+        "batch_size": {"at_least": 2, "at_most": _MOST, "whole": True},
         "n_epochs": _COUNT,
         "gae_lambda": {"at_least": 0.0, "at_most": 1.0},
         "clip_range": {"above": 0.0},

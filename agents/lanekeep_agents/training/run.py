@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -21,36 +20,31 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecNormalize
 
 import lanekeep_baselines
-import lanekeep_env
 from lanekeep_agents.export import export_sb3, scenario_fields, versions
 from lanekeep_agents.learned import LearnedPolicy
 from lanekeep_agents.policy_file import read_policy, write_policy
 from lanekeep_agents.policy_record import PolicyRecord, Training
-from lanekeep_agents.training.checkpoint import Arrays, read_checkpoint, write_checkpoint
-from lanekeep_agents.training.evaluation import HeldOut, Score
+from lanekeep_agents.training.checkpoint import read_checkpoint, write_checkpoint
+from lanekeep_agents.training.checkpoint_checks import Arrays
+from lanekeep_agents.training.evaluation import HeldOut, Score, number
+from lanekeep_agents.training.folder import CHECKPOINT, EVALUATIONS, SETTINGS, check, claim, policy_name
 from lanekeep_agents.training.imitation import imitate
 from lanekeep_agents.training.normalisation import Normalised
 from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.training.rewards import LearnersRewards
 from lanekeep_agents.training.settings import TrainingSettings, settings_for
 from lanekeep_agents.vec_env import LaneVecEnv
-from lanekeep_env.files import write_atomic
+from lanekeep_env.checks import require, shown
+from lanekeep_env.files import locked, write_atomic
 
-SETTINGS, CHECKPOINT, EVALUATIONS = "settings.json", "checkpoint.npz", "evaluations.csv"
+__all__ = ["CHECKPOINT", "EVALUATIONS", "SETTINGS", "command", "run"]
+
 #: Steps done and what to say about it.
 Report = Callable[[int, str], None]
 
 _ALGORITHMS: dict[str, type[PPO] | type[SAC] | type[TD3]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
 _ABSENT = object()
 _ACTIVATIONS = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
-
-
-def policy_name(settings: TrainingSettings) -> str:
-    """Name of the policy that a run makes: algorithm, task and seed."""
-    task = settings.env_id.rpartition("/")[2].partition("-")[0]
-    words = "".join(f"-{letter.lower()}" if letter.isupper() else letter for letter in task)
-    kind = f"{settings.algorithm}-residual" if settings.base else settings.algorithm
-    return f"{kind}{words}-seed{settings.seed}"
 
 
 def run(
@@ -78,7 +72,8 @@ def run(
         ValueError: the folder holds a run and neither ``resume`` nor ``overwrite`` is set, or holds another run
             (``resume``); a setting that does not fit the environment.
     """
-    record = _check(settings, folder, resume, overwrite)
+    require("threads", threads, "", at_least=1, at_most=1024, whole=True)
+    check(settings, folder, resume, overwrite)
     torch.set_num_threads(threads)
     started = time.perf_counter()
     keywords = {"dtype": "float32", **settings.env}
@@ -94,71 +89,23 @@ def run(
     model = _model(settings, env)
     held_out = HeldOut(settings.env_id, keywords, settings.evaluation_episodes, settings.seed_of("evaluation"))
     teacher = None if settings.imitate is None else lanekeep_baselines.make(settings.imitate, scenario)
-    if not resume:  # only now: what does not fit the environment is known before another run is replaced
-        _claim(folder, record, policy_name(settings))
-    model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     course = _Course(settings, folder, env, rewards, held_out, scenario, started, checkpoint_seconds, report)
-    if resume and (folder / CHECKPOINT).exists():
-        course.take_up(*read_checkpoint(folder / CHECKPOINT, model, env, settings.to_dict()))
-    elif teacher is not None:
-        imitate(model, env, teacher, settings.gamma, settings.seed_of("imitation"))
-    if model.num_timesteps < settings.steps:
-        # Counts start at zero anyway; lanes that a checkpoint has set must not be reset.
-        model.learn(settings.steps - model.num_timesteps, course, reset_num_timesteps=False, log_interval=10)
-    return course.finish(model)
-
-
-def _check(settings: TrainingSettings, folder: Path, resume: bool, overwrite: bool) -> str:
-    """Return what the folder's record of this run says, after a look at what is there."""
-    if folder.exists() and not folder.is_dir():
-        raise ValueError(f"--out {folder} is a file; allowed: a folder, which is made if it is missing")
-    if resume and overwrite:
-        raise ValueError("resume and overwrite exclude each other: go on with the run in the folder, or replace it")
-    record = json.dumps({"version": lanekeep_env.__version__, **settings.to_dict()}, indent=1) + "\n"
-    if resume:
-        found, wanted = settings_in(folder).to_dict(), json.loads(record)
-        for name, value in found.items():
-            if value != wanted[name]:
-                raise ValueError(
-                    f"--out {folder} holds another run: {name} is {value!r} there, {wanted[name]!r} "
-                    "wanted; leave the options out to go on with that one, or name another folder"
-                )
-    elif (folder / SETTINGS).exists() and not overwrite:
-        raise ValueError(f"--out {folder} already holds a run; name another folder, or pass --resume or --overwrite")
-    return record
-
-
-def _claim(folder: Path, record: str, name: str) -> None:
-    """Make the folder this run's: what another one has left there goes."""
+    # Only now: what does not fit the environment is known before another run is replaced.
     folder.mkdir(parents=True, exist_ok=True)
-    names = {name}
-    with suppress(ValueError):  # there was none, or what there was cannot be read
-        names.add(policy_name(settings_in(folder)))
-    for old in (CHECKPOINT, EVALUATIONS, *(f"{name}{end}" for name in names for end in (".json", ".safetensors"))):
-        (folder / old).unlink(missing_ok=True)
-    for events in (folder / "tensorboard").glob("events.out.tfevents.*"):
-        events.unlink()
-    write_atomic(folder / SETTINGS, record.encode())
-
-
-def settings_in(folder: Path) -> TrainingSettings:
-    """Return the settings of the run in a folder.
-
-    Raises:
-        ValueError: there is none, or it is of another version.
-    """
-    file = folder / SETTINGS
-    if not file.is_file():
-        raise ValueError(f"--out {folder} holds no run to resume ({SETTINGS} is missing)")
-    try:
-        values = json.loads(file.read_text())
-        version = values.pop("version")
-        settings = TrainingSettings.from_dict(values, str(file))
-    except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
-        raise ValueError(f"{file} is not the record of a training run: {error}") from None
-    if version != lanekeep_env.__version__:
-        raise ValueError(f"{file} is of version {version}, this is {lanekeep_env.__version__}: install that one")
-    return settings
+    with locked(folder):
+        record = check(settings, folder, resume, overwrite)
+        if not resume:
+            claim(folder, record, policy_name(settings))
+        if (folder / CHECKPOINT).exists():
+            course.take_up(model)
+            teacher = None  # it has been imitated
+        model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
+        if teacher is not None:
+            imitate(model, env, teacher, settings.gamma, settings.seed_of("imitation"))
+        if model.num_timesteps < settings.steps:
+            # Counts start at zero anyway; lanes that a checkpoint has set must not be reset.
+            model.learn(settings.steps - model.num_timesteps, course, reset_num_timesteps=False, log_interval=10)
+        return course.finish(model)
 
 
 def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
@@ -217,11 +164,17 @@ class _Course(BaseCallback):
         self._earlier = {"total": 0.0, "environment": 0.0}
         self._best: Arrays = {}
 
-    def take_up(self, notes: Mapping[str, Any], best: Arrays) -> None:
-        """Go on from a checkpoint."""
-        self._scores = [(steps, Score(*score)) for steps, score in notes["scores"]]
-        self._earlier = dict(notes["seconds"])
-        self._best = best
+    def take_up(self, model: BaseAlgorithm) -> None:
+        """Go on from the folder's checkpoint."""
+        file = self._folder / CHECKPOINT
+        notes, self._best = read_checkpoint(file, model, self._env, self._settings.to_dict())
+        try:
+            self._scores = [(number(steps, int), Score.of(score)) for steps, score in notes["scores"]]
+            self._earlier = {name: number(notes["seconds"][name], float) for name in self._earlier}
+            if not self._scores:
+                raise ValueError("there is no score")
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{file} is not a checkpoint of this run: notes: {shown(str(error))}") from None
 
     def finish(self, model: BaseAlgorithm) -> LearnedPolicy:
         """Evaluate the last policy, write the best one's file and return it."""

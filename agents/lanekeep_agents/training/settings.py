@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ import yaml
 
 import lanekeep_env
 from lanekeep_agents.training.parameters import check_parameters
-from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require
+from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require, shown
+from lanekeep_env.plain import parse_json
 
 HYPERPARAMETERS = Path(__file__).parents[1] / "hyperparameters"
 ALGORITHMS = ("ppo", "sac", "td3")
@@ -23,6 +25,8 @@ _OWN_KEYWORDS = ("num_envs", "autoreset_mode", "vectorization_mode", "render_mod
 _OPTIONS = {"algorithm": "ALGO", "env_id": "ENV"} | {
     name: f"--{name}" for name in ("seed", "steps", "base", "bound", "imitate")
 }
+#: Characters of a value that is given as text.
+_LONGEST_TEXT = 1 << 14
 
 
 @dataclass(frozen=True)
@@ -77,25 +81,29 @@ class TrainingSettings:
     def __post_init__(self) -> None:
         choose("ALGO", self.algorithm, ALGORITHMS)
         choose("ENV", self.env_id, lanekeep_env.ENVIRONMENTS)
-        require("seed", self.seed, "", at_least=0, whole=True)
-        require("steps", self.steps, "environment steps", at_least=1, whole=True)
-        require("num_envs", self.num_envs, "lanes", at_least=1, whole=True)
+        require("seed", self.seed, "", at_least=0, at_most=10**18, whole=True)
+        require("steps", self.steps, "environment steps", at_least=1, at_most=10**15, whole=True)
+        require("num_envs", self.num_envs, "lanes", at_least=1, at_most=100_000, whole=True)
         for name, layers in (("hidden", self.hidden), ("critic", self.critic)):
             if not isinstance(layers, list | tuple) or len(layers) > 8:
-                raise ValueError(f"{name}={layers!r} is not allowed: it must be a list of at most 8 numbers of neurons")
+                raise ValueError(
+                    f"{name}={shown(layers)} is not allowed: it must be a list of at most 8 numbers of neurons"
+                )
             for neurons in layers:
                 require(name, neurons, "neurons", at_least=2, at_most=4096, whole=True)
             object.__setattr__(self, name, tuple(int(neurons) for neurons in layers))
         for name, value in (("env", self.env), ("parameters", self.parameters)):
             if not isinstance(value, Mapping):
-                raise ValueError(f"{name}={value!r} is not allowed: it must be a mapping, e.g. {name}.NAME=VALUE")
+                raise ValueError(f"{name}={shown(value)} is not allowed: it must be a mapping, e.g. {name}.NAME=VALUE")
         for name in self.env:
             if name in _OWN_KEYWORDS:
                 raise ValueError(f"env.{name} is not allowed: training sets it itself")
         try:
-            json.dumps(dict(self.env))
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"env={self.env!r} is not allowed: a record must hold it as JSON ({error})") from None
+            parse_json(json.dumps(dict(self.env)))
+        except (TypeError, ValueError, RecursionError) as error:
+            raise ValueError(
+                f"env={shown(self.env)} is not allowed: a record must hold it as JSON ({shown(str(error))})"
+            ) from None
         object.__setattr__(self, "parameters", check_parameters(self.algorithm, self.parameters))
         choose("activation", self.activation, ("relu", "tanh"))
         require("gamma", self.gamma, "", above=0.0, at_most=0.9999)
@@ -104,10 +112,10 @@ class TrainingSettings:
         require("log_std", self.log_std, "", at_least=-20.0, at_most=2.0)
         require("action_noise", self.action_noise, "", at_least=0.0)
         require("reward_scale", self.reward_scale, "", above=0.0)
-        require("evaluations", self.evaluations, "", at_least=1, whole=True)
-        require("evaluation_episodes", self.evaluation_episodes, "", at_least=1, whole=True)
+        require("evaluations", self.evaluations, "", at_least=1, at_most=10_000, whole=True)
+        require("evaluation_episodes", self.evaluation_episodes, "", at_least=1, at_most=100_000, whole=True)
         if (self.base is None) != (self.bound is None):
-            raise ValueError(f"base={self.base!r} and bound={self.bound!r}: both or neither must be given")
+            raise ValueError(f"base={shown(self.base)} and bound={shown(self.bound)}: both or neither must be given")
         require("bound", self.bound, "(a share of the largest action)", above=0.0, at_most=2.0, optional=True)
         if self.base is not None and self.imitate is not None:
             raise ValueError("base and imitate exclude each other: a correction starts with its base's actions")
@@ -159,7 +167,7 @@ def settings_for(
     for layer in (entries["default"], entries.get(env_id, {}), residual, asked):
         for name, value in layer.items():
             if name not in allowed:
-                raise TypeError(f"unknown setting {name!r}{nearest(name, allowed)}; allowed: {', '.join(allowed)}")
+                raise TypeError(f"unknown setting {shown(name)}{nearest(name, allowed)}; allowed: {', '.join(allowed)}")
             merges = isinstance(value, Mapping) and isinstance(values.get(name), Mapping)
             values[name] = {**values[name], **value} if merges else value
     return TrainingSettings(**values)
@@ -176,26 +184,36 @@ def changes_from(texts: Sequence[str]) -> dict[str, Any]:
         name, equals, value = text.partition("=")
         outer, dot, inner = name.partition(".")
         if not equals or not outer or (dot and not inner):
-            raise ValueError(f"--set {text!r} is not allowed: it must be NAME=VALUE, e.g. learning_rate=1e-3")
+            raise ValueError(f"--set {shown(text)} is not allowed: it must be NAME=VALUE, e.g. learning_rate=1e-3")
         if outer in _OPTIONS:
-            raise ValueError(f"--set {text!r} is not allowed: {outer} is given by {_OPTIONS[outer]}")
+            raise ValueError(f"--set {shown(text)} is not allowed: {outer} is given by {_OPTIONS[outer]}")
         read = _read(value, text)
         if dot:
             whole = changes.setdefault(outer, {})
             if not isinstance(whole, dict):
-                raise ValueError(f"--set {text!r} is not allowed: {outer}={whole!r} is not a mapping")
+                raise ValueError(f"--set {shown(text)} is not allowed: {outer}={shown(whole)} is not a mapping")
             whole[inner] = read
         else:
             changes[outer] = read
     return changes
 
 
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]
+    """YAML without names for its parts: what is repeated by name grows beyond any bound."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise ValueError("aliases (*) are not read")
+        return super().compose_node(parent, index)
+
+
 def _read(value: str, text: str) -> Any:
     try:
-        return json.loads(value)  # to YAML, 1e-5 is a word
-    except json.JSONDecodeError:
-        pass
-    try:
-        return yaml.safe_load(value)
-    except yaml.YAMLError as error:
-        raise ValueError(f"--set {text!r} is not allowed: {' '.join(str(error).split())}") from None
+        if len(value) > _LONGEST_TEXT:
+            raise ValueError(f"it has {len(value)} characters, allowed are {_LONGEST_TEXT}")
+        with suppress(json.JSONDecodeError):
+            return parse_json(value)  # to YAML, 1e-5 is a word
+        return yaml.load(value, _Loader)
+    except Exception as error:  # PyYAML has many kinds: IndexError for an empty int, AttributeError for a broken date
+        told = shown(" ".join(str(error).split())) if str(error) else type(error).__name__
+        raise ValueError(f"--set {shown(text)} is not allowed: {told}") from None

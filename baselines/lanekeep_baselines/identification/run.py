@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lanekeep_baselines.policy import Floats
-from lanekeep_env.checks import require
+from lanekeep_env.checks import require, shown
+from lanekeep_env.plain import read_arrays
 
 #: Shortest run, s, and fewest samples.
 SHORTEST = 5.0
 FEWEST_SAMPLES = 100
 #: The single-track model divides by the speed: slowest run, m/s.
 SLOWEST = 2.0
+
+#: Bytes that a run's file may have: five hours of all measurements at 100 Hz.
+LARGEST_FILE = 1 << 27
 
 _REQUIRED = ("speed", "yaw_rate")
 _OPTIONAL = ("command", "steering", "heading", "x", "y")
@@ -112,15 +117,25 @@ class DrivenRun:
         """Read what `save` wrote, or any .npz file with these names; nothing in it is unpickled.
 
         Raises:
-            UnusableRun: an entry is missing or unknown, or the run is unusable.
+            UnusableRun: an entry is missing or unknown, or the run is unusable, or the file is none of that kind.
+            OSError: it is missing or may not be read.
         """
-        with np.load(path, allow_pickle=False) as file:
-            values = {name: file[name] for name in file.files}
+        where = shown(str(path))
+        try:
+            values = read_arrays(path, LARGEST_FILE)
+        except ValueError as error:
+            raise UnusableRun(f"{where}: {error}") from None
         allowed = [field.name for field in fields(cls)]
         for name in ("step", *_REQUIRED):
             if name not in values:
-                raise UnusableRun(f"{str(path)!r} has no {name!r}; needed: step, {', '.join(_REQUIRED)}")
-        for name in values:
+                raise UnusableRun(f"{where} has no {name!r}; needed: step, {', '.join(_REQUIRED)}")
+        for name, value in values.items():
             if name not in allowed:
-                raise UnusableRun(f"{str(path)!r} has an unknown entry {name!r}; allowed: {', '.join(allowed)}")
-        return cls(**{name: value.item() if value.ndim == 0 else value for name, value in values.items()})
+                raise UnusableRun(f"{where} has an unknown entry {shown(name)}; allowed: {', '.join(allowed)}")
+            if value.dtype.kind not in "iuf":
+                raise UnusableRun(f"{where}: {name} has dtype {shown(str(value.dtype))}; allowed: numbers")
+        try:
+            plain: dict[str, Any] = {name: one.item() if one.ndim == 0 else one for name, one in values.items()}
+            return cls(**plain)
+        except ValueError as error:
+            raise UnusableRun(f"{where}: {error}") from None

@@ -7,7 +7,7 @@ from pathlib import Path
 from lanekeep_benchmarks.suites.own_road import OWN_ROAD, lap_time, road_suite
 from lanekeep_benchmarks.suites.reader import ENDING, read_suite
 from lanekeep_benchmarks.suites.records import Suite, SuiteScenario
-from lanekeep_env.checks import nearest, shown
+from lanekeep_env.checks import nearest, shown, shown_path
 
 __all__ = [
     "ENDING",
@@ -43,7 +43,7 @@ def find_suite(name: str) -> Suite:
     suite = read_suite(name)
     if suite.name in SUITES or suite.name.startswith(OWN_ROAD):
         raise ValueError(
-            f"suite {name}: name={suite.name!r} is not allowed: the package's own have the names "
+            f"suite {shown_path(name)}: name={suite.name!r} is not allowed: the package's own have the names "
             f"{', '.join(SUITES)} and {OWN_ROAD}..."
         )
     return suite

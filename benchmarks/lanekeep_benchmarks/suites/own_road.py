@@ -10,6 +10,7 @@ import numpy as np
 
 from lanekeep_benchmarks.suites.records import Suite, SuiteScenario
 from lanekeep_env import LaneKeepScenario
+from lanekeep_env.checks import shown_path
 from lanekeep_env.roads import Road, build_roads
 
 #: How the names of suites of one's own roads begin.
@@ -27,8 +28,12 @@ def road_suite(file: Path) -> Suite:
     Raises:
         ValueError, OSError: the file is missing or is not a drivable road; the message says why.
     """
-    if not file.is_file():
-        raise ValueError(f"--road {file}: no such file; allowed: a CSV file with the columns x, y in m")
+    try:
+        found = file.is_file()
+    except OSError as error:
+        raise ValueError(f"--road {shown_path(file)} cannot be read: {error.strerror}") from None
+    if not found:
+        raise ValueError(f"--road {shown_path(file)}: no such file; allowed: a CSV file with the columns x, y in m")
     keywords: dict[str, Any] = {"road": {"kind": "file", "path": str(file)}, "preview": 12, "departure": "cost"}
     definition = LaneKeepScenario.from_keywords(**keywords)
     ((road, speed),) = build_roads(definition.road, definition.speed)

@@ -11,7 +11,7 @@ from typing import Any
 
 from lanekeep_benchmarks.suites.records import Suite, SuiteScenario
 from lanekeep_env import ENVIRONMENTS
-from lanekeep_env.checks import LONGEST_ECHO, choose, nearest, require, shown
+from lanekeep_env.checks import LONGEST_ECHO, choose, nearest, require, shown, shown_path
 from lanekeep_env.files import read_bounded
 
 #: How the path of a suite's file ends.
@@ -57,9 +57,9 @@ def read_suite(path: str | Path) -> Suite:
     try:
         return _suite(_parse(read_bounded(path, LARGEST_FILE)))
     except ValueError as error:
-        raise ValueError(f"suite {path}: {error}") from None
+        raise ValueError(f"suite {shown_path(path)}: {error}") from None
     except OSError as error:
-        raise ValueError(f"suite {path}: {error.strerror}; allowed: the path of a {ENDING} file") from None
+        raise ValueError(f"suite {shown_path(path)}: {error.strerror}; allowed: the path of a {ENDING} file") from None
 
 
 def _parse(content: bytes) -> dict[str, Any]:

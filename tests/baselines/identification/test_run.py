@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 
 import gymnasium as gym
@@ -75,6 +76,44 @@ def test_files_of_another_kind_are_refused(run: DrivenRun, tmp_path) -> None:
     np.savez(tmp_path / "c.npz", step=0.05, speed=np.array([object()]), command=run.command, yaw_rate=run.yaw_rate)
     with pytest.raises(ValueError, match="allow_pickle"):
         DrivenRun.load(tmp_path / "c.npz")
+
+
+def test_damaged_files_are_refused_in_one_line(run: DrivenRun, tmp_path) -> None:
+    """Cut off, bombs, arrays of another kind or shape, and what is no file."""
+    good = {name: getattr(run, name) for name in ("step", "speed", "command", "yaw_rate")}
+    file = tmp_path / "run.npz"
+
+    def refused(words: str, path=file) -> None:
+        with pytest.raises((UnusableRun, OSError), match=words) as error:
+            DrivenRun.load(path)
+        assert "\n" not in str(error.value) and len(str(error.value)) < 500
+
+    for changes, words in (
+        ({"speed": np.array(["x" * 1000] * 401)}, "speed has dtype '<U1000'; allowed: numbers"),
+        ({"speed": run.speed.astype(complex)}, "dtype 'complex128'"),
+        ({"speed": run.speed > 0.0}, "speed has dtype 'bool'"),
+        ({"speed": np.zeros((401, 2))}, "yaw_rate has shape|speed has shape"),
+        ({"speed": np.array(20.0)}, "speed has shape"),
+        ({"step": np.array("0.05")}, "step has dtype '<U4'"),
+        ({"step": np.full(3, 0.05)}, "step="),
+        ({"step": np.nan}, "step=nan"),
+        ({"yaw_rate": spoilt(run.yaw_rate, 3, np.inf)}, "yaw_rate is inf at sample 3"),
+        ({"x" * 1000: run.speed}, "unknown entry"),
+    ):
+        np.savez(file, **{**good, **changes})
+        refused(words)
+    np.savez(file, **good)
+    content = file.read_bytes()
+    for length in np.random.default_rng(0).integers(0, len(content), 50):
+        file.write_bytes(content[:length])
+        refused("run.npz")
+    np.savez_compressed(file, **good, x=np.zeros(17 << 20))
+    assert file.stat().st_size < 1 << 20
+    refused("its arrays have")
+    os.mkfifo(tmp_path / "pipe")
+    refused("not an ordinary file", tmp_path / "pipe")
+    refused("not an ordinary file", tmp_path)
+    refused("No such file", tmp_path / "missing.npz")
 
 
 def test_noise_has_the_stated_deviation_and_its_own_seed() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -149,6 +150,29 @@ FAULTS = [
     ({"text": "image: [unclosed"}, "is not YAML: "),
     ({"text": "just words"}, "holds no fields"),
     ({"text": ""}, "holds no fields"),
+    ({"text": "a: &a [1]\n"}, "line 1: anchors, aliases, merge keys and tags are not allowed"),
+    ({"text": "image: x\nresolution: *a\n"}, "line 2: anchors, aliases, merge keys and tags are not allowed"),
+    ({"text": "image: x\n<<: {negate: 0}\n"}, "line 2: anchors, aliases, merge keys and tags are not allowed"),
+    ({"text": "image: !!int ''\n"}, "line 1: anchors, aliases, merge keys and tags are not allowed"),
+    ({"text": "image: !!bool foo\n"}, "line 1: anchors, aliases, merge keys and tags are not allowed"),
+    ({"text": "image: !!timestamp foo\n"}, "line 1: anchors, aliases, merge keys and tags are not allowed"),
+    ({"text": "image: 2001-13-45\n"}, "month must be in 1..12"),
+    ({"text": "image: 0x_\n"}, "invalid literal for int"),
+    ({"text": "image: " + "1:" * 2000 + "1.5\n"}, "a value cannot be read"),
+    ({"text": "image: " + "9" * 4000 + "\n"}, "lacks resolution"),
+    ({"text": "image: " + "9" * 4097 + "\n"}, "line 1: it holds more than a map's settings"),
+    ({"text": "".join(f"f{k}: 1\n" for k in range(1000))}, "it holds more than a map's settings"),
+    ({"image": "\ud800"}, "cannot be read"),
+    ({"image": "x" * 4000}, "image '.*xxx.* cannot be read: File name too long"),
+    ({"image": "/dev/zero"}, "image '/dev/zero' cannot be read: it is not an ordinary file"),
+    ({"image": "."}, "cannot be read: it is not an ordinary file"),
+    ({"resolution": 1e-9}, "resolution='?1e-09'? is not allowed"),
+    ({"resolution": 10**400}, "resolution=<an integer of 400 digits> is not allowed"),
+    ({"data": b"P2 30 20 255 " + b"9" * 400}, "a value of 9223372036854775807 is above the largest value 255"),
+    ({"data": b"P2 30 20 255 " + b" " * 100}, "is cut off: 0 values"),
+    ({"data": b"P2 30 20 255 12 -3"}, "'-3' is not a whole number from 0 to 255"),
+    ({"data": b"P2 30 20 255 12 " + b"x" * 400}, r"'xxx.*\.\.\.xxx.* is not a whole number from 0 to 255"),
+    ({"data": b"P5" + b" " * 100_000 + b"30 20 255 "}, "the PGM header is not"),
     ({"text": "#" * 200_000}, "has 200000 bytes, allowed are 100000"),
     ({"text": "[" * 50_000}, "line 1: it holds more than a map's settings"),
     ({"grey": np.full((20, 30), 254, np.uint8)}, "the walls are open"),
@@ -166,7 +190,34 @@ def test_faults_are_named(tmp_path, changes, words):
     path = write(tmp_path, **changes)
     with pytest.raises(ValueError, match=words) as error:
         read_map(path)
-    assert str(error.value).startswith(f"map {str(path)!r}") and "\n" not in str(error.value)
+    message = str(error.value)
+    assert message.startswith(f"map {str(path)!r}") and message.isprintable() and len(message) < 600
+
+
+def test_a_png_is_refused_by_its_size_before_it_is_unpacked(tmp_path):
+    """A picture of 10,000 x 10,000 cells fits in 100 KB; unpacked it has 100 MB."""
+    Image.new("L", (10_000, 10_000)).save(tmp_path / "map.png")
+    begin = time.process_time()
+    with pytest.raises(ValueError, match=r"map.png' is 10000 x 10000 cells; allowed are 1 to"):
+        read_map(write(tmp_path, image="map.png"))
+    assert time.process_time() - begin < 0.2
+    Image.fromarray(hall()).save(tmp_path / "map.png")
+    whole = (tmp_path / "map.png").read_bytes()
+    for end in range(8, len(whole) // 2, 3):
+        (tmp_path / "map.png").write_bytes(whole[:end])
+        with pytest.raises(ValueError, match=r"map.png' is not a whole PNG picture"):
+            read_map(write(tmp_path, image="map.png"))
+
+
+def test_plain_pgm_is_read_whatever_its_blanks_and_blocks(tmp_path):
+    """A file of several blocks, with all kinds of blanks, comments, leading zeros and something behind the numbers."""
+    expected = read_map(write(tmp_path)).segments
+    blanks = [b" ", b"\n", b"\r\n", b"\t", b" \x0b", b"\x0c ", b"\n# 1 2 3 x\n", b" " * 30_000]
+    rng = np.random.default_rng(0)
+    words = [b"%0*d" % (int(rng.integers(1, 6)), value) + blanks[rng.integers(8)] for value in hall().ravel()]
+    data = b"P2\n30 20\n255\n" + b"".join(words) + b" what -1 follows"
+    assert len(data) > 2 << 20
+    assert np.array_equal(read_map(write(tmp_path, data=data)).segments, expected)
 
 
 def test_missing_binary_and_starts_that_are_no_numbers(tmp_path):

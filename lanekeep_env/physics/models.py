@@ -1,0 +1,57 @@
+"""The vehicle models: one row each. What a kernel, a start or a scenario must know of a model stands here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from lanekeep_env.physics import single_track as cars
+from lanekeep_env.physics.integrate import DRIVEN, PACED, PROFILE, integrator, shower
+
+
+@dataclass(frozen=True, eq=False)
+class CarModel:
+    """A vehicle model.
+
+    Attributes:
+        name: of its compiled functions.
+        rates: of the state in path coordinates, a function of `single_track`.
+        outputs: sideslip, yaw rate and lateral acceleration that it shows, a function of `single_track`.
+        pace: where its speed comes from: the road's `PROFILE`, set speeds that it approaches (`PACED`), or a
+            powertrain (`DRIVEN`).
+        slips: whether it has tyres, or rolls where its wheels point.
+        saturates: whether these know friction, so that a speed profile must.
+        front_speed: whether its speed is the front wheels', not the reference point's.
+    """
+
+    name: str
+    rates: Callable[..., Any]
+    outputs: Callable[..., Any]
+    pace: int = PROFILE
+    slips: bool = False
+    saturates: bool = False
+    front_speed: bool = False
+
+    @cached_property
+    def advance(self) -> Callable[..., Any]:
+        """Compiled loop that advances a block of cars by a sub-step."""
+        return integrator(self.rates, self.pace, self.name)
+
+    @cached_property
+    def show(self) -> Callable[..., Any]:
+        """Compiled loop that writes what a block of cars shows."""
+        return shower(self.outputs, self.pace, self.name)
+
+
+KINEMATIC = CarModel("kinematic", cars.kinematic, cars.kinematic_outputs)
+LINEAR = CarModel("linear", cars.dynamic_linear, cars.linear_outputs, slips=True)
+MAGIC_FORMULA = CarModel(
+    "magic_formula", cars.dynamic_magic_formula, cars.magic_formula_outputs, slips=True, saturates=True
+)
+FRONT_DRIVEN = CarModel("front_driven", cars.front_driven, cars.front_driven_outputs, PACED, front_speed=True)
+KINEMATIC_PACED = CarModel("kinematic_paced", cars.kinematic, cars.kinematic_outputs, PACED)
+LINEAR_PACED = CarModel("linear_paced", cars.dynamic_linear, cars.linear_outputs, PACED, slips=True)
+# Its speed follows from its pedals: no profile that friction would have to slow down.
+POWERED = CarModel("powered", cars.dynamic_magic_formula, cars.magic_formula_outputs, DRIVEN, slips=True)

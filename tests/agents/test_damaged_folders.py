@@ -1,0 +1,21 @@
+"""Folders of others, damaged by chance; `tests/fuzz/results.py` draws thousands."""
+
+import pytest
+
+pytest.importorskip("stable_baselines3")
+from results import KINDS, Checks
+
+
+@pytest.fixture(scope="module")
+def checks(tmp_path_factory):
+    """Whole folders of each kind, which are read."""
+    return Checks(tmp_path_factory.mktemp("whole"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_damaged_folders_are_refused_or_read(kind, checks):
+    assert checks.damaged(kind, 40, seed=1) == []
+
+
+def test_what_is_no_file_is_refused(checks):
+    assert checks.special() == []
