@@ -23,6 +23,12 @@ def shown(value: Any) -> str:
     return text if len(text) <= LONGEST_ECHO else f"{text[: LONGEST_ECHO - 3]}..."
 
 
+def shown_path(path: Any) -> str:
+    """Return a path as it is for an error, or as `shown` where it is not printable or longer than anybody's."""
+    text = str(path)
+    return text if text.isprintable() and len(text) < 1000 else shown(text)
+
+
 class _Short(reprlib.Repr):
     """`repr` that looks at a few entries and levels only."""
 

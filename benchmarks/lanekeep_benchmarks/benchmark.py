@@ -19,13 +19,14 @@ from lanekeep_benchmarks.evaluate import (
     metric_names,
     record,
 )
-from lanekeep_benchmarks.policies import FILE, check_policy, default_policies, make_policy, policy_digest
+from lanekeep_benchmarks.made import make_definitions, policies_of
+from lanekeep_benchmarks.policies import FILE, check_policy, make_policy, policy_digest
 from lanekeep_benchmarks.report import markdown
 from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder, default_folder
 from lanekeep_benchmarks.run_record import MOST_EPISODES, RunRecord, code_hash
-from lanekeep_benchmarks.suites import Suite, road_suite, suite_named
+from lanekeep_benchmarks.suites import ENDING, Suite, find_suite, road_suite
 from lanekeep_benchmarks.summary import rows_of, summarise
-from lanekeep_env.checks import require, shown
+from lanekeep_env.checks import require, shown, shown_path
 from lanekeep_env.scenario import RoadScenario
 
 
@@ -38,6 +39,7 @@ class Plan:
     episodes: int
     seed: int
     road: Path | None
+    suite_file: str | None = None
     scenario_hash: dict[str, str] = field(default_factory=dict)
     policy_sha256: dict[str, str] = field(default_factory=dict)
     metrics: dict[str, list[str]] = field(default_factory=dict)
@@ -70,6 +72,7 @@ class Plan:
             scenario_hash=self.scenario_hash,
             policy_sha256=self.policy_sha256,
             metrics=self.metrics,
+            suite_file=self.suite_file,
         )
 
 
@@ -95,7 +98,7 @@ def open_run(
         raise ValueError("--resume and --overwrite exclude each other; the one keeps results, the other removes them")
     if resume and out is not None and (found := RunRecord.read(out)) is not None:
         if suite is None and road is None:
-            suite, road = (found.suite, None) if found.road is None else (None, Path(found.road))
+            suite, road = (found.suite_file or found.suite, None) if found.road is None else (None, Path(found.road))
         policies = ",".join(found.policies) if policies is None else policies
         episodes = found.episodes if episodes is None else episodes
         seed = found.seed if seed is None else seed
@@ -113,25 +116,19 @@ def make_plan(suite: str | None, policies: str | None, road: Path | None, episod
     """Read the options; build everything once, so that nothing is driven before all of it is known to work.
 
     Raises:
-        ValueError, OSError: unknown suite or policy, a policy that cannot drive one of the scenarios, or a road that
-            cannot be driven.
+        ValueError, OSError: unknown suite or policy, a scenario that cannot be made, a policy that cannot drive one, or
+            a road that cannot be driven.
     """
     require("--episodes", episodes, "", at_least=1, at_most=MOST_EPISODES, whole=True, optional=True)
     require("--seed", seed, "", at_least=0, whole=True)
     if suite is not None and road is not None:
         raise ValueError(f"suite {shown(suite)} and --road {road} exclude each other; give one of them")
-    chosen = suite_named(suite or "classical") if road is None else road_suite(road)
-    definitions = {}
-    for scenario in chosen.scenarios:
-        env = make_lanes(scenario, 1)
-        definitions[scenario.name] = env.unwrapped.scenario
-        env.close()
-    if policies is None:
-        names = default_policies(definitions.values(), chosen.family, chosen.learned)
-        names.sort(key=lambda name: name != chosen.reference)  # first, the others as they are
-    else:
-        names = policy_names(policies)
-    plan = Plan(chosen, names, episodes or chosen.episodes, seed, road)
+    chosen = find_suite(suite or "classical") if road is None else road_suite(road)
+    file = suite if suite is not None and suite.endswith(ENDING) else None
+    where = f"suite {shown_path(file or chosen.name)}"
+    definitions = make_definitions(chosen, where)
+    names = policies_of(chosen, definitions.values(), where) if policies is None else policy_names(policies)
+    plan = Plan(chosen, names, episodes or chosen.episodes, seed, road, file)
     if plan.total > MOST_EPISODES:
         raise ValueError(
             f"--episodes {plan.episodes} is not allowed: over {len(chosen.scenarios)} scenarios and {len(names)} "

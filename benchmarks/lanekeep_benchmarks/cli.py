@@ -20,6 +20,7 @@ import lanekeep_env
 from lanekeep_benchmarks.endings import Interrupted, disk_errors, input_errors, interruptible, one_line, short
 from lanekeep_benchmarks.policies import FILE, check_policy
 from lanekeep_benchmarks.replications import WORKS
+from lanekeep_benchmarks.suites import ENDING, SUITES
 from lanekeep_benchmarks.train_command import train
 from lanekeep_benchmarks.zoo import zoo
 from lanekeep_env.checks import choose
@@ -107,7 +108,9 @@ def envs(as_json: Json = False) -> None:
 
 @app.command()
 def bench(
-    suite: Annotated[str | None, typer.Argument(help="Name of the suite; default: classical.")] = None,
+    suite: Annotated[
+        str | None, typer.Argument(help=f"{', '.join(SUITES)}, or a {ENDING} file of your own; default: classical.")
+    ] = None,
     policies: Annotated[
         str | None, typer.Option(help="Names or .json files of policies, comma-separated; the first is the reference.")
     ] = None,

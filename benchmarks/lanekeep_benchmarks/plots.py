@@ -122,7 +122,7 @@ def plot_episode(title: str, traces: Mapping[str, Trace], control_step: float, l
         _mark_lane(panels[0], lane_width)
     panels[-1].set_xlabel("time [s]")
     panels[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False, fontsize=8)
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(title, fontsize=11, parse_math=False)
     return png(figure)
 
 
@@ -163,7 +163,7 @@ def plot_map(title: str, road: Road, traces: Mapping[str, Trace], lane_width: fl
     below.set_xlim(0.0, road.length)
     below.grid(**GRID)
     below.legend(ncols=5, fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(title, fontsize=11, parse_math=False)
     return png(figure)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,17 +42,20 @@ def check_policy(name: str) -> None:
         )
 
 
-def default_policies(definitions: Iterable[Any], family: str = "", learned: bool = False) -> list[str]:
-    """Return the names of all classical controllers of a family that can drive all of ``definitions``.
+def default_policies(definitions: Iterable[Any], listed: Sequence[str] = (), learned: bool = False) -> list[str]:
+    """Return the policies ``listed``, or where there are none all classical ones that can drive all of ``definitions``.
 
     ``learned`` adds the shipped learned policies whose channels, actions and control step fit them all.
     """
-    able = [
-        {*lanekeep_baselines.names(definition), *(lanekeep_agents.names(definition) if learned else ())}
-        for definition in definitions
-    ]
-    names = [name for name in lanekeep_baselines.names() if name.startswith(family)]
-    return [name for name in (*names, *lanekeep_agents.names()) if all(name in those for those in able)]
+    definitions = tuple(definitions)
+    names = list(listed) or _able(lanekeep_baselines.names, definitions)
+    names += _able(lanekeep_agents.names, definitions) if learned else []
+    return list(dict.fromkeys(names))
+
+
+def _able(names: Callable[..., tuple[str, ...]], definitions: Iterable[Any]) -> list[str]:
+    those = [names(definition) for definition in definitions]
+    return [name for name in names() if all(name in able for able in those)]
 
 
 def make_policy(name: str, scenario: Any) -> Policy:

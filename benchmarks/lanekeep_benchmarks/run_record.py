@@ -32,11 +32,11 @@ ANEW = "name another folder, or start anew there with --overwrite instead of --r
 _ADVICE = {
     "version": "install that version",
     "code": "restore lanekeep_env, lanekeep_baselines, lanekeep_agents and evaluate.py as they were when the run began",
-    "suite": "leave the suite and --road out",
+    "suite": "leave the suite and --road out, and its file as it was when the run began",
     "policies": "leave --policies out",
     "episodes": "leave --episodes out",
     "seed": "leave --seed out",
-    "scenario_hash": "restore the scenario, or its road file, as it was when the run began",
+    "scenario_hash": "restore the scenario, or the file of its suite or road, as it was when the run began",
     "policy_sha256": "restore the policy's file as it was when the run began",
 }
 _ADVICE["metrics"] = _ADVICE["scenario_hash"]
@@ -60,8 +60,8 @@ def code_hash() -> str:
 class RunRecord:
     """Everything that fixes the result lines of a run and their order in the report.
 
-    ``road`` is the file's path; ``policy_sha256`` tells learned policies from others of their name; ``metrics`` has the
-    names of those of each scenario.
+    ``road`` and ``suite_file`` are paths of files, None where the package's own is driven; ``policy_sha256`` tells
+    learned policies from others of their name; ``metrics`` has the names of those of each scenario.
     """
 
     version: str
@@ -74,6 +74,7 @@ class RunRecord:
     scenario_hash: Mapping[str, str]
     policy_sha256: Mapping[str, str] = field(default_factory=dict)
     metrics: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    suite_file: str | None = None
 
     def to_json(self) -> str:
         """The content of `run.json`."""
@@ -113,8 +114,10 @@ class RunRecord:
         check_kinds(self)
         require("episodes", self.episodes, "", at_least=1, at_most=MOST_EPISODES, whole=True)
         require("seed", self.seed, "", at_least=0, whole=True)
-        if not (self.road is None or isinstance(self.road, str)):
-            raise ValueError(f"road={shown(self.road)} is not allowed: it must be a path or null")
+        for name in ("road", "suite_file"):
+            path = getattr(self, name)
+            if not (path is None or isinstance(path, str)):
+                raise ValueError(f"{name}={shown(path)} is not allowed: it must be a path or null")
         _texts("policies", self.policies)
         for name, kind in (("scenario_hash", _text), ("policy_sha256", _text), ("metrics", _texts)):
             require_mapping(name, getattr(self, name))
@@ -122,7 +125,7 @@ class RunRecord:
                 kind(f"{name} of {shown(key)}", value)
 
     def differences(self, found: RunRecord) -> list[Difference]:
-        """Return where the record in a folder is not this one; where the road file lies does not matter."""
+        """Return where the record in a folder is not this one; where road and suite files lie does not matter."""
         names = ("version", "code", "suite", "policies", "episodes", "seed")
         pairs: list[Difference] = [(name, getattr(found, name), getattr(self, name)) for name in names]
         hashes = ["scenario_hash", "metrics"] if found.suite == self.suite else []

@@ -70,9 +70,14 @@ def test_what_policies_are_told_is_part_of_the_scenario():
     assert scenario.hash("0") != replace(scenario, told={}).hash("0")
 
 
-def test_references_are_first_in_the_plan():
-    plan = make_plan("learned", None, None, 1, 0)
-    assert plan.policies[0] == SUITES["learned"].reference and len(set(plan.policies)) == len(plan.policies)
-    assert [name for name in plan.policies[1:] if not name.startswith("ppo")] == [
-        name for name in lanekeep_baselines.names() if name in plan.policies[1:]
-    ]
+@pytest.mark.parametrize("suite", SUITES)
+def test_the_policies_of_every_suite_can_drive_it_and_its_reference_is_first(suite):
+    """`make_plan` refuses policies that cannot; classical ones are in the registry's order."""
+    plan = make_plan(suite, None, None, 1, 0)
+    reference = SUITES[suite].reference
+    assert plan.policies[0] == reference or not reference
+    assert len(set(plan.policies)) == len(plan.policies)
+    rest = plan.policies[1:] if reference else plan.policies
+    classical = [name for name in rest if name in lanekeep_baselines.names()]
+    assert classical == [name for name in lanekeep_baselines.names() if name in classical]
+    assert rest[: len(classical)] == classical

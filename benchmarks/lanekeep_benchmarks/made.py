@@ -1,0 +1,60 @@
+"""What a suite asks for, made once before anything is driven: its scenarios, and the policies that drive by default."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import gymnasium as gym
+from gymnasium.envs.registration import load_env_creator
+
+from lanekeep_benchmarks.evaluate import make_lanes
+from lanekeep_benchmarks.policies import check_policy, default_policies
+from lanekeep_benchmarks.suites import Suite, SuiteScenario
+
+
+def make_definitions(suite: Suite, where: str) -> dict[str, Any]:
+    """Return what is driven in each scenario, by its name; errors begin with ``where`` the suite is from.
+
+    Raises:
+        ValueError: a keyword, an option of `reset` or a field that policies are told is unknown or not allowed.
+    """
+    definitions = {}
+    for scenario in suite.scenarios:
+        try:
+            definitions[scenario.name] = _made(scenario)
+        except (TypeError, ValueError, OSError, ImportError, gym.error.Error) as error:
+            raise ValueError(f"{where}: scenario {scenario.name}: {error}") from error
+    return definitions
+
+
+def _made(scenario: SuiteScenario) -> Any:
+    spec: Any = gym.spec(scenario.env_id)
+    environment: Any = load_env_creator(spec.vector_entry_point)
+    record = environment.scenario_class
+    definition = record.from_keywords(**scenario.keywords)  # which knows no keywords but the scenario's
+    if scenario.told:
+        record.from_keywords(**{**scenario.keywords, **scenario.told})
+    env = make_lanes(scenario, 1)
+    if scenario.options:
+        env.reset(seed=0, options=dict(scenario.options))
+    env.close()
+    return definition
+
+
+def policies_of(suite: Suite, definitions: Iterable[Any], where: str) -> list[str]:
+    """Return the names of the policies that drive a suite by default, its reference first.
+
+    Raises:
+        ValueError: it lists an unknown one, or its reference is none of them.
+    """
+    try:
+        for name in suite.policies:
+            check_policy(name)
+        names = default_policies(definitions, suite.policies, suite.learned)
+        if suite.reference and suite.reference not in names:
+            check_policy(suite.reference)
+            raise ValueError(f"reference={suite.reference!r} is none of its policies: {', '.join(names)}")
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+    return sorted(names, key=lambda name: name != suite.reference)  # which leaves the others as they are
