@@ -202,7 +202,7 @@ class RandomRoads(RoadRecord):
         require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
         require("road.length", self.length, "m", at_least=500.0, at_most=1e6)
         check_total(self.count, self.length)
-        require("road.design_speed", self.design_speed, "m/s", above=0.0, at_most=100.0)
+        require("road.design_speed", self.design_speed, "m/s", at_least=1.0, at_most=100.0)
         require("road.peak_curvature", self.peak_curvature, "1/m", at_least=self.gentlest_curvature, at_most=0.1)
         require("road.seed", self.seed, "", at_least=0, whole=True)
         super().__post_init__()
@@ -261,8 +261,8 @@ class RoadWorksRoads(RoadRecord):
         require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
         require("road.length", self.length, "m", at_least=500.0, at_most=1e6)
         check_total(self.count, self.length)
-        require("road.shift", self.shift, "m", above=0.0, at_most=20.0)
-        require("road.shift_length", self.shift_length, "m", above=0.0, at_most=1e5)
+        require("road.shift", self.shift, "m", at_least=1e-3, at_most=20.0)
+        require("road.shift_length", self.shift_length, "m", at_least=1e-2, at_most=1e5)
         require("road.seed", self.seed, "", at_least=0, whole=True)
         peak = 8 * self.shift / self.shift_length**2
         if peak > 0.05:

@@ -35,7 +35,7 @@ class EvasiveRoads(RoadRecord):
     before: float = 10.0
 
     def __post_init__(self) -> None:
-        require("road.shift", self.shift, "m", above=0.0, at_most=20.0)
+        require("road.shift", self.shift, "m", at_least=1e-3, at_most=20.0)
         require("road.shift_length", self.shift_length, "m", at_least=2.0 * self.shift, at_most=1e5)
         choose("road.side", self.side, ("left", "right", "both"))
         require("road.before", self.before, "m", at_least=1e-2, at_most=1e5)

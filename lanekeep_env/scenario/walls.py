@@ -379,7 +379,7 @@ class CircuitScenario(WallFollowScenario):
     laps: int = 1
 
     def _check(self) -> None:
-        require("max_speed", self.max_speed, "m/s", above=0.0, at_most=20.0)
+        require("max_speed", self.max_speed, "m/s", at_least=1e-3, at_most=20.0)
         require("max_acceleration", self.max_acceleration, "m/s²", at_least=1e-3, at_most=1e3)
         require("laps", self.laps, "", at_least=1, at_most=1_000_000, whole=True)
         super()._check()

@@ -1,5 +1,8 @@
 """States that are no numbers any more: every step returns, and the episode ends as a failure, in every family."""
 
+import signal
+import subprocess
+import sys
 import time
 
 import gymnasium as gym
@@ -59,3 +62,28 @@ def test_no_loop_of_a_kernel_depends_on_a_state(env_id, value):
     broken(env_id, "along", value, **keywords)  # compiled
     *_, seconds = broken(env_id, "along", value, **keywords)
     assert seconds < 1.0
+
+
+STEPPING = """
+import gymnasium as gym, numpy as np, lanekeep_env
+envs = gym.make_vec("lanekeep/LaneKeep-v0", num_envs=4096, vectorization_mode="vector_entry_point", control_step=1.0)
+envs.reset(seed=0)
+actions = np.zeros((4096, 1), np.float32)
+envs.step(actions)
+print("steps", flush=True)
+while True:
+    envs.step(actions)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_an_interrupt_ends_a_run_of_steps_within_a_second():
+    with subprocess.Popen(
+        [sys.executable, "-c", STEPPING], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as stepping:
+        assert stepping.stdout.readline() == b"steps\n"
+        stepping.send_signal(signal.SIGINT)
+        began = time.perf_counter()
+        assert stepping.wait(timeout=30) != 0
+        # A step of all cars takes a tenth of that; a machine that others share may take longer.
+        assert time.perf_counter() - began < 5.0

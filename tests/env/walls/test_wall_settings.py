@@ -86,7 +86,7 @@ def test_a_wrong_setting_is_named_with_value_unit_and_what_is_allowed(keywords, 
 @pytest.mark.parametrize(
     ("keywords", "words"),
     [
-        ({"max_speed": 0.0}, ["max_speed=0.0", "> 0.0", "<= 20.0 m/s"]),
+        ({"max_speed": 0.0}, ["max_speed=0.0", ">= 0.001", "<= 20.0 m/s"]),
         ({"max_acceleration": -1.0}, ["max_acceleration=-1.0", ">= 0.001", "m/s²"]),
         ({"laps": 1.5}, ["laps=1.5", "whole number"]),
     ],
