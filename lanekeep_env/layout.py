@@ -169,7 +169,7 @@ CHANNELS = 78  # low, high and source (a row of the lanes, -1 for none) of each 
 CHANNEL_SIZE = 3
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
-FAULTS = 8  # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample
+# noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample, then:
 SOURCE = 8  # row of the lane that holds the truth
 COLUMN = 9  # of the observation
 VALID_COLUMN = 10  # of the flag that says whether the last sample saw anything, -1 for none

@@ -318,7 +318,7 @@ def _restart(n, lanes, counters, road, roads, settings, sensors, camera, drive, 
 
 
 @helper
-def _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, timelines, action, observation, outcome):
+def _finish(k, lanes, counters, road, roads, settings, sensors, camera, drive, timelines, observation, outcome):
     """Judge the step of block ``k``, tell its truth and observations, start the next episodes."""
     first = k * lanes.shape[2]
     last = min(first + lanes.shape[2], counters.shape[1])
@@ -396,7 +396,6 @@ def step_kernels(model: CarModel) -> tuple[Callable[..., Any], Callable[..., Any
                 camera,
                 drive,
                 timelines,
-                action,
                 observation,
                 outcome,
             )

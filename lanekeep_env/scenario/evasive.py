@@ -84,11 +84,6 @@ class ReversePathScenario(RoadScenario):
         super()._check()
 
     @property
-    def backwards(self) -> bool:
-        """The car drives from the path's end to its start."""
-        return True
-
-    @property
     def model(self) -> models.CarModel:
         """The vehicle model."""
         return models.KINEMATIC_PACED

@@ -9,8 +9,9 @@ from lanekeep_env.compile import helper, inline
 from lanekeep_env.physics.numeric import clip, like
 from lanekeep_env.randomness import derive, uniform
 
-# A lane's draws of one control step live under a key of their own; numbers of the draws of one sensor:
-NOISE, NOISE_ANGLE, DROPPED, JUMPS, JUMP_SIZE = np.int64(0), np.int64(1), np.int64(2), np.int64(3), np.int64(4)
+# A lane's draws of one control step live under a key of their own; numbers of the draws of one sensor (a normal number
+# takes two):
+NOISE, DROPPED, JUMPS, JUMP_SIZE = np.int64(0), np.int64(2), np.int64(3), np.int64(4)
 DRAWS = np.int64(8)  # a sensor
 #: Counter of the first key of a step; far above the draws of an episode's start.
 FIRST_STEP = np.int64(1 << 32)
