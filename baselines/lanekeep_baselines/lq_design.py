@@ -93,6 +93,23 @@ def settled(a: Floats, c: Floats, noise: Floats) -> Floats:
         return doubled(a.T, c.T @ c, noise)
 
 
+def least_cost(a: Floats, b: Floats, q: Floats, r: Floats, s: Floats) -> Floats:
+    """Return the P of the least sum of x'Qx + 2 x'Su + u'Ru over the steps to come, x'Px; one command u."""
+    from scipy.linalg import solve_discrete_are
+
+    try:
+        return np.asarray(solve_discrete_are(a, b, q, r, s=s))
+    except ValueError:  # as above
+        now = np.zeros_like(q)
+        for _ in a:
+            if r.any():
+                break
+            # A command that is still on its way costs nothing: the cost is counted a step later.
+            now, q, s, r = now + q, a.T @ q @ a, s + a.T @ q @ b, r + b.T @ q @ b
+        moves = b / r
+        return now + doubled(a - moves @ s.T, moves @ b.T, q - s / r @ s.T)
+
+
 def doubled(a: Floats, g: Floats, h: Floats) -> Floats:
     """Return the X of X = A' X (1 + G X)^-1 A + H by structure-preserving doubling, which orders nothing.
 
@@ -111,8 +128,6 @@ def doubled(a: Floats, g: Floats, h: Floats) -> Floats:
 
 def gains(model: StepModel, cost: Cost, step: float, steps: int = 1) -> Gains:
     """Solve the Riccati equation for control steps of ``step`` s; the curvature is known at ``steps`` >= 1 of them."""
-    from scipy.linalg import solve_discrete_are
-
     a, b, known = model.with_commands()
     n = len(a)
     moves = np.eye(n)[STEER]
@@ -120,7 +135,7 @@ def gains(model: StepModel, cost: Cost, step: float, steps: int = 1) -> Gains:
     output[1] = (a[STEER] - moves) * np.sqrt(cost.weight) / (step * cost.rate)
     direct = np.array([[0.0], [b[STEER, 0] * np.sqrt(cost.weight) / (step * cost.rate)]])
     q, s, r = output.T @ output, output.T @ direct, direct.T @ direct
-    p = solve_discrete_are(a, b, q, r, s=s)
+    p = least_cost(a, b, q, r, s)
     inverse = 1.0 / (r + b.T @ p @ b)
     state = inverse @ (b.T @ p @ a + s.T)
     closed = (a - b @ state).T

@@ -188,6 +188,18 @@ def without_scipy_s_solver(*_: object, **__: object) -> None:
     raise ValueError("cannot be ordered")
 
 
+@speeds
+@pytest.mark.parametrize("delay", [0.0, 0.05, 0.13, 0.2])
+@pytest.mark.parametrize("lag", [0.0, 0.0896])
+def test_doubling_gives_the_same_gains(speed: float, delay: float, lag: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = model_of(speed, delay, lag)
+    wanted = gains(model, COST, STEP, 20)
+    monkeypatch.setattr("scipy.linalg.solve_discrete_are", without_scipy_s_solver)
+    found = gains(model, COST, STEP, 20)
+    for field in ("state", "offsets", "constant", "curvature"):
+        np.testing.assert_allclose(getattr(found, field), getattr(wanted, field), rtol=1e-7, atol=1e-9)
+
+
 @pytest.mark.parametrize("kind", KINDS, ids=str)
 @pytest.mark.parametrize("late", [(0, 0, 0, 0), (0, 1, 0, 2), (1, 0, 3, 4)], ids=str)
 def test_doubling_gives_the_same_filter(
