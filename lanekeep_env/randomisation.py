@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from lanekeep_env.checks import choose, from_mapping, require
+from lanekeep_env.checks import choose, from_mapping, require, shown
 
 Range = tuple[float, float]
 
@@ -26,7 +26,7 @@ class Randomisation:
         cg_shift: of the centre of gravity towards the front axle, m.
         speed: factor of the speed profile.
         steering_lag: factor of the actuator's lag.
-        steering_delay: transport delay added to the actuator's, s, rounded to 10 ms.
+        steering_delay: transport delay added to the actuator's, s, rounded to the integration step.
 
     A policy is built from the nominal car: what is drawn here is what it does not know.
     """
@@ -55,7 +55,9 @@ class Randomisation:
             require(name, low, unit, **limits)
             require(name, high, unit, **limits)
             if high < low:
-                raise ValueError(f"{name}={value!r} is not allowed: the bounds must be (low, high) with low <= high")
+                raise ValueError(
+                    f"{name}={shown(value)} is not allowed: the bounds must be (low, high) with low <= high"
+                )
             object.__setattr__(self, f.name, (float(low), float(high)))
 
     def bounds(self) -> list[float]:
@@ -97,5 +99,5 @@ def randomisation_from(value: str | Mapping[str, Any] | Randomisation) -> Random
         choose("randomisation", value, RANDOMISATIONS)
         return RANDOMISATIONS[value]
     if not isinstance(value, Mapping):
-        raise ValueError(f"randomisation={value!r} must be {', '.join(RANDOMISATIONS)} or a mapping of bounds")
+        raise ValueError(f"randomisation={shown(value)} must be {', '.join(RANDOMISATIONS)} or a mapping of bounds")
     return from_mapping(Randomisation, value, "randomisation")

@@ -137,7 +137,12 @@ class RoadLanes(Lanes):
         check_state(state, self.settings, sizes, further)
         length = row_of(state["lanes"], at.SEGMENT_LENGTH, self.num_lanes)
         along = row_of(state["lanes"], at.ALONG, self.num_lanes)
-        elsewhere = length != self.road[state["counters"][at.SEGMENT], at.R_LENGTH]
+        rows = self.road[state["counters"][at.SEGMENT]]
+        elsewhere = length != rows[:, at.R_LENGTH]
+        for row, column in ((at.CURVATURE, at.R_CURVATURE), (at.CURVATURE_SLOPE, at.R_CURVATURE_SLOPE)):
+            elsewhere |= row_of(state["lanes"], row, self.num_lanes) != rows[:, column]
+        for row in (at.SPEED_SQUARED, at.SPEED_SQUARED_SLOPE):
+            elsewhere |= ~np.isfinite(row_of(state["lanes"], row, self.num_lanes))
         # Lanes that were never reset stand on no segment; others are at most on the way to the next one.
         if (elsewhere & np.isfinite(length)).any() or (along > length + 100.0).any():
             raise ValueError("state: a lane is not on its segment of the road")

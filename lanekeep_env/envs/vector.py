@@ -193,6 +193,8 @@ class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             ValueError: an array is missing, or its shape or dtype is another, or a number is none of a lane.
         """
         wanted = {name: getattr(self._core, name) for name in self._core.moving}
+        if not isinstance(state, Mapping) or not all(isinstance(array, np.ndarray) for array in state.values()):
+            raise ValueError(f"state={shown(state)} must be a mapping of arrays, as get_state() returns it")
         if set(state) != set(wanted):
             raise ValueError(f"state has {', '.join(state) or 'nothing'}; it must have {', '.join(wanted)}")
         for name, array in wanted.items():

@@ -21,7 +21,7 @@ from lanekeep_env.compile import helper, inline
 from lanekeep_env.physics.numeric import clip, larger, like, smaller, wrapped
 from lanekeep_env.physics.steering import advance_gear, advance_steering
 
-#: A sideslip (rad) and a yaw rate (rad/s) at which a diverging car is held, so that numbers stay finite.
+#: A sideslip (rad, on linear tyres) and a yaw rate (rad/s) at which a car is held, so that numbers stay finite.
 LARGEST_SIDESLIP, LARGEST_YAW_RATE = 3.141592653589793, 50.0
 #: Where a car's speed comes from: the road's profile, set speeds that it approaches, or a powertrain.
 PROFILE, PACED, DRIVEN = 0, 1, 2
@@ -56,8 +56,12 @@ def named(name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     return rename
 
 
-def integrator(rates: Callable[..., Any], pace: int, name: str) -> Callable[..., Any]:
-    """Return the compiled loop that advances a block of lanes by ``rates``, a function of `single_track`."""
+def integrator(rates: Callable[..., Any], pace: int, saturates: bool, name: str) -> Callable[..., Any]:
+    """Return the compiled loop that advances a block of lanes by ``rates``, a function of `single_track`.
+
+    A car on tyres that saturate may spin: its sideslip comes round. A linear tyre's force has no end, nor has its spin,
+    which is held.
+    """
     paced, driven = pace == PACED, pace == DRIVEN
 
     @inline
@@ -130,8 +134,8 @@ def integrator(rates: Callable[..., Any], pace: int, name: str) -> Callable[...,
             along_[i] = x + sixth * (x1 + two * (x2 + x3) + x4)
             d_[i] = d + sixth * (d1 + two * (d2 + d3) + d4)
             theta_[i] = t + sixth * (t1 + two * (t2 + t3) + t4)
-            # Only a car without saturating tyres gets there: a linear tyre's force has no end, nor has its spin.
-            beta_[i] = clip(b + sixth * (b1 + two * (b2 + b3) + b4), -widest, widest)
+            b = b + sixth * (b1 + two * (b2 + b3) + b4)
+            beta_[i] = wrapped(b) if saturates else clip(b, -widest, widest)
             r_[i] = clip(r + sixth * (r1 + two * (r2 + r3) + r4), -fastest, fastest)
             steer_[i] = end
 

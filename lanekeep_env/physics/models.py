@@ -22,7 +22,7 @@ class CarModel:
         pace: where its speed comes from: the road's `PROFILE`, set speeds that it approaches (`PACED`), or a
             powertrain (`DRIVEN`).
         slips: whether it has tyres, or rolls where its wheels point.
-        saturates: whether these know friction, so that a speed profile must.
+        saturates: whether these know friction: the car may spin, and a speed profile must know it too.
         front_speed: whether its speed is the front wheels', not the reference point's.
     """
 
@@ -37,7 +37,7 @@ class CarModel:
     @cached_property
     def advance(self) -> Callable[..., Any]:
         """Compiled loop that advances a block of cars by a sub-step."""
-        return integrator(self.rates, self.pace, self.name)
+        return integrator(self.rates, self.pace, self.saturates, self.name)
 
     @cached_property
     def show(self) -> Callable[..., Any]:
@@ -53,5 +53,6 @@ MAGIC_FORMULA = CarModel(
 FRONT_DRIVEN = CarModel("front_driven", cars.front_driven, cars.front_driven_outputs, PACED, front_speed=True)
 KINEMATIC_PACED = CarModel("kinematic_paced", cars.kinematic, cars.kinematic_outputs, PACED)
 LINEAR_PACED = CarModel("linear_paced", cars.dynamic_linear, cars.linear_outputs, PACED, slips=True)
-# Its speed follows from its pedals: no profile that friction would have to slow down.
-POWERED = CarModel("powered", cars.dynamic_magic_formula, cars.magic_formula_outputs, DRIVEN, slips=True)
+POWERED = CarModel(
+    "powered", cars.dynamic_magic_formula, cars.magic_formula_outputs, DRIVEN, slips=True, saturates=True
+)

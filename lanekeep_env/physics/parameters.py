@@ -24,7 +24,7 @@ class SteeringActuator:
         lag: time constant of the first-order lag (PT1) in s, 0 for none.
         rate_limit: largest speed of the road wheel in rad/s, None for none.
         angle_limit: largest road-wheel angle in rad, either side, None for none.
-        delay: transport delay of the command in s, a multiple of the 10 ms integration step.
+        delay: transport delay of the command in s, a multiple of 10 ms, or of 5 ms between walls.
         backlash: play of the steering gear between motor and road wheel, the whole gap in rad of the road wheel. The
             lag is then that of a P loop which sets the motor's speed, (command - measured angle) / lag within the rate
             limit; see `advance_gear`.
@@ -98,6 +98,10 @@ class VehicleParameters:
         require("vehicle.length", self.length, "m", at_least=1e-3, at_most=100.0)
         require("vehicle.width", self.width, "m", at_least=1e-3, at_most=100.0)
         require("vehicle.wheel_radius", self.wheel_radius, "m", at_least=1e-3, at_most=10.0)
+        for name in ("name", "source"):
+            text = getattr(self, name)
+            if not isinstance(text, str) or not text.isprintable() or not 1 <= len(text) <= 1000:
+                raise ValueError(f"vehicle.{name}={shown(text)} is not allowed: it must be one line of text")
         if not isinstance(self.steering, SteeringActuator):
             raise ValueError(f"vehicle.steering={shown(self.steering)} must be a mapping of SteeringActuator's fields")
         plain_numbers(self)

@@ -99,12 +99,6 @@ class CameraLaneScenario(RoadScenario):
         require("plan", self.plan, "samples", at_least=0, at_most=1000, whole=True)
         require("plan_spacing", self.plan_spacing, "m", at_least=1e-3, at_most=1e3)
         super()._check()
-        hold = self.speed.hold
-        steps = 1.0 if hold is None else hold / self.control_step
-        if steps < 0.5 or abs(steps - round(steps)) > 1e-6:
-            raise ValueError(
-                f"speed.hold={hold!r} is not allowed: it must be a multiple of the control step, {self.control_step} s"
-            )
 
     @property
     def model(self) -> models.CarModel:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require
-from lanekeep_env.physics.integrate import DRIVEN, LARGEST_SPEED
+from lanekeep_env.physics.integrate import DRIVEN, LARGEST_SPEED, PROFILE
 from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
 from lanekeep_env.randomisation import Randomisation, randomisation_from
@@ -55,11 +55,13 @@ class CarScenario(ScenarioRecord):
     randomisation: Randomisation = field(default_factory=Randomisation)
     episode_steps: int = 600
 
+    #: Bound of the channel that shows the speed, m/s.
+    largest_observed_speed: ClassVar[float] = LARGEST_SPEED
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {"vehicle": vehicle_from, "randomisation": randomisation_from}
 
     def _check(self) -> None:
         choose("action", self.action, ACTIONS)
-        require("max_steering_angle", self.max_steering_angle, "rad", at_least=1e-4, at_most=1.5)
+        require("max_steering_angle", self.max_steering_angle, "rad", at_least=1e-6, at_most=1.5)
         require("max_steering_rate", self.max_steering_rate, "rad/s", at_least=1e-4, at_most=1e3)
         require("reference_lateral_error", self.reference_lateral_error, "m", at_least=1e-4, at_most=1e3)
         require("cost_weight", self.cost_weight, "", at_least=0.0, at_most=1e6)
@@ -69,10 +71,20 @@ class CarScenario(ScenarioRecord):
         require("control_step", self.control_step, "s", at_least=self.base_step, at_most=1.0)
         multiple_of_step("control_step", self.control_step, self.base_step)
         multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay, self.base_step)
-        check_speed(self.speed.largest, self.randomisation)
+        check_speed(self.speed.largest, self.randomisation, self.largest_observed_speed)
+        self._check_hold()
         require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=10_000_000, whole=True)
         for channel, sensor in self.sensors:
             sensor.check(channel, self.control_step)
+
+    def _check_hold(self) -> None:
+        """Set speeds change at control steps."""
+        hold = getattr(self.speed, "hold", None)
+        steps = 1.0 if hold is None else hold / self.control_step
+        if steps < 0.5 or abs(steps - round(steps)) > 1e-6:
+            raise ValueError(
+                f"speed.hold={hold!r} is not allowed: it must be a multiple of the control step, {self.control_step} s"
+            )
 
     @property
     def model(self) -> CarModel:
@@ -109,7 +121,7 @@ class CarScenario(ScenarioRecord):
             at.STEP_TIME: step,
             at.SUBSTEPS: substeps,
             at.SLIPS: self.model.slips,
-            at.SATURATES: self.model.saturates,
+            at.SATURATES: self.model.saturates and self.model.pace == PROFILE,
             at.FRONT_SPEED: self.model.front_speed,
             at.POWERED: self.model.pace == DRIVEN,
             at.IDEAL_STEERING: steering.lag == 0.0 and steering.rate_limit is None,
@@ -144,12 +156,13 @@ class CarScenario(ScenarioRecord):
         return 1.0
 
 
-def check_speed(largest: float, drawn: Randomisation) -> None:
-    """Raise ValueError where an episode's car would go faster than `LARGEST_SPEED`."""
-    if largest * drawn.speed[1] > LARGEST_SPEED:
+def check_speed(largest: float, drawn: Randomisation, limit: float) -> None:
+    """Raise ValueError where an episode's car would go faster than ``limit``, m/s."""
+    require("speed (its largest)", largest, "m/s", at_most=limit)
+    if largest * drawn.speed[1] > limit:
         raise ValueError(
             f"randomisation.speed={drawn.speed!r} is not allowed: of {largest:g} m/s that is more than "
-            f"{LARGEST_SPEED:g} m/s; it must be <= {LARGEST_SPEED / largest:.3g}"
+            f"{limit:g} m/s; it must be <= {limit / largest:.3g}"
         )
 
 

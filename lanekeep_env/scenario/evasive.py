@@ -71,6 +71,7 @@ class ReversePathScenario(RoadScenario):
     preview: int = 11
     preview_interval: float = 0.1
     view: ClassVar[float] = 30.0
+    largest_observed_speed: ClassVar[float] = 20.0
 
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
         **RoadScenario._readers,

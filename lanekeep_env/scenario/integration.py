@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from lanekeep_env.physics.single_track import SLIP_SPEED_FLOOR
 from lanekeep_env.physics.stability import LARGEST_PRODUCT, LARGEST_TURN, MOST_DIVISIONS, Cars
 from lanekeep_env.randomisation import Randomisation
 
+#: Sum of squared orders of magnitude by which a car's proportions are off from which a mistaken unit is warned of.
+ODD = 4.0
 #: A randomised centre of gravity stays this share of the wheelbase away from either axle.
 NEAREST_AXLE = 0.05
 
@@ -24,15 +27,25 @@ _UNITS = {
     "front_cornering_stiffness": "N/rad",
     "rear_cornering_stiffness": "N/rad",
 }
-#: Unit that a field is mistaken in, and the factor that puts it right.
-_MISTAKES = {
-    "mass": (("t", 1e3), ("g", 1e-3)),
-    "yaw_inertia": (("t m²", 1e3), ("g m²", 1e-3), ("kg mm²", 1e-6), ("kg cm²", 1e-4)),
-    "cg_to_front_axle": (("mm", 1e-3), ("cm", 1e-2), ("km", 1e3)),
-    "cg_to_rear_axle": (("mm", 1e-3), ("cm", 1e-2), ("km", 1e3)),
-    "front_cornering_stiffness": (("kN/rad", 1e3), ("N/deg", math.degrees(1.0)), ("mN/rad", 1e-3)),
-    "rear_cornering_stiffness": (("kN/rad", 1e3), ("N/deg", math.degrees(1.0)), ("mN/rad", 1e-3)),
-}
+_AXLES = ("cg_to_front_axle", "cg_to_rear_axle")
+_TYRES = ("front_cornering_stiffness", "rear_cornering_stiffness")
+#: Fields that are given in a mistaken unit, alone or together, that unit, and the factor that puts it right.
+_MISTAKES: tuple[tuple[tuple[str, ...], str, float], ...] = (
+    (("mass",), "t", 1e3),
+    (("mass",), "g", 1e-3),
+    (("yaw_inertia",), "t m²", 1e3),
+    (("yaw_inertia",), "g m²", 1e-3),
+    (("yaw_inertia",), "kg cm²", 1e-4),
+    (("yaw_inertia",), "kg mm²", 1e-6),
+    (("mass", "yaw_inertia"), "t and t m²", 1e3),
+    (("mass", "yaw_inertia"), "g and g m²", 1e-3),
+    *((fields, "mm", 1e-3) for fields in (_AXLES[:1], _AXLES[1:], _AXLES)),
+    *((fields, "cm", 1e-2) for fields in (_AXLES[:1], _AXLES[1:], _AXLES)),
+    *((fields, "km", 1e3) for fields in (_AXLES[:1], _AXLES[1:], _AXLES)),
+    *((fields, "kN/rad", 1e3) for fields in (_TYRES[:1], _TYRES[1:], _TYRES)),
+    *((fields, "N/deg", math.degrees(1.0)) for fields in (_TYRES[:1], _TYRES[1:], _TYRES)),
+    *((fields, "mN/rad", 1e-3) for fields in (_TYRES[:1], _TYRES[1:], _TYRES)),
+)
 
 
 @dataclass(frozen=True)
@@ -66,7 +79,7 @@ def rolling(vehicle: VehicleParameters, step: float, fastest: float, steering_an
         shortest = vehicle.wheelbase * turn / (LARGEST_TURN * MOST_DIVISIONS)
         raise ValueError(
             f"the vehicle's wheelbase of {vehicle.wheelbase:g} m is not allowed: at {fastest:g} m/s and a steering "
-            f"angle of {steering_angle:g} rad it must be >= {shortest:.3g} m (are both distances to the axles in m?)"
+            f"angle of {steering_angle:g} rad it must be >= {shortest:.3g} m (or lower speed or max_steering_angle)"
         )
     return Integration(step / divisions)
 
@@ -96,6 +109,7 @@ def slipping(
         divisions = _needed(cars, step, low, fastest, floor)
         if divisions > MOST_DIVISIONS:
             raise ValueError(_refusal(vehicle, drawn, step, low, fastest))
+    _warn_of_odd(vehicle)
     return Integration(step / divisions, floor)
 
 
@@ -113,67 +127,72 @@ def _check_shift(vehicle: VehicleParameters, drawn: Randomisation) -> None:
     front, rear = vehicle.cg_to_front_axle - least, vehicle.cg_to_rear_axle - least
     if high > max(front, 0.0) or -low > max(rear, 0.0):
         raise ValueError(
-            f"randomisation.cg_shift={drawn.cg_shift!r} is not allowed: the centre of gravity of {vehicle.name!r} must "
-            f"stay between the axles, {-rear:.3g} to {front:.3g} m"
+            f"randomisation.cg_shift={drawn.cg_shift!r} is not allowed: the centre of gravity of "
+            f"{shown(vehicle.name)} must stay between the axles, {-rear:.3g} to {front:.3g} m"
         )
 
 
 def _refusal(vehicle: VehicleParameters, drawn: Randomisation, step: float, slowest: float, fastest: float) -> str:
-    """Name the field that is most likely wrong, what it may be, and the unit that it may have been given in."""
-    field, hint = _suspect(vehicle)
-    value = getattr(vehicle, field)
-    others = ", ".join(f"{name}={getattr(vehicle, name):g}" for name in _UNITS if name != field)
-    allowed = _nearest_allowed(vehicle, field, drawn, step, slowest, fastest)
+    """Name the fields that are most likely wrong, what they may be, and the unit that they may have been given in."""
+    fields, guess = _suspects(vehicle)
+    given = " and ".join(f"vehicle.{field}={shown(getattr(vehicle, field))}" for field in fields)
+    others = ", ".join(f"{name}={getattr(vehicle, name):g}" for name in _UNITS if name not in fields)
+    cars = Cars.drawn(vehicle, drawn)
+    answer = 1.0 / cars.largest_eigenvalue(slowest, fastest, cars.slip_speed_floor())
+
+    def borne(factor: float) -> bool:
+        changed = Cars.drawn(_changed(vehicle, fields, factor), drawn)
+        return _needed(changed, step, slowest, fastest, changed.slip_speed_floor()) <= MOST_DIVISIONS
+
     return (
-        f"vehicle.{field}={shown(value)} is not allowed: with {others} the car answers within "
-        f"{_answer(vehicle, drawn, slowest, fastest):.1e} s at {slowest:g} m/s, too fast to be integrated; "
-        f"{allowed}{hint}"
+        f"{given} is not allowed: with {others} the car answers within {answer:.1e} s at {slowest:g} m/s, too fast to "
+        f"be integrated; {_nearest_allowed(vehicle, fields, borne)}{guess}"
     )
 
 
-def _answer(vehicle: VehicleParameters, drawn: Randomisation, slowest: float, fastest: float) -> float:
-    cars = Cars.drawn(vehicle, drawn)
-    return 1.0 / cars.largest_eigenvalue(slowest, fastest, cars.slip_speed_floor())
-
-
-def _nearest_allowed(
-    vehicle: VehicleParameters, field: str, drawn: Randomisation, step: float, slowest: float, fastest: float
-) -> str:
-    """Say which value of ``field`` next to its own could be integrated, with all others as they are."""
-    value, unit = getattr(vehicle, field), _UNITS[field]
-
-    def borne(power: float) -> bool:
-        cars = Cars.drawn(_changed(vehicle, field, 10.0**power), drawn)
-        return _needed(cars, step, slowest, fastest, cars.slip_speed_floor()) <= MOST_DIVISIONS
-
-    falls = "stiffness" in field
-    bad, good = 0.0, next((power for power in range(1, 13) if borne(-power if falls else power)), 0)
-    if not good:
+def _nearest_allowed(vehicle: VehicleParameters, fields: tuple[str, ...], borne: Callable[[float], bool]) -> str:
+    """Say which values of ``fields`` next to their own could be integrated, with all others as they are."""
+    falls = "stiffness" in fields[0]
+    sign = -1.0 if falls else 1.0
+    high = next((float(power) for power in range(1, 13) if borne(10.0 ** (sign * power))), 0.0)
+    if not high:
         return "no value of it alone would do"
-    low, high = bad, float(good)
+    low = 0.0
     for _ in range(30):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if borne(-middle if falls else middle) else (middle, high)
-    return f"it must be {'<=' if falls else '>='} {value * 10.0 ** (-high if falls else high):.3g} {unit}"
+        low, high = (low, middle) if borne(10.0 ** (sign * middle)) else (middle, high)
+    factor = 10.0 ** (sign * high)
+    allowed = [f"{getattr(vehicle, field) * factor:.3g} {_UNITS[field]}" for field in fields]
+    return f"it must be {'<=' if falls else '>='} {' and '.join(allowed)}"
 
 
-def _suspect(vehicle: VehicleParameters) -> tuple[str, str]:
-    """Return the field that is most likely wrong, and a guess at the unit that it was given in."""
-    best, choice = 0.8 * _oddness(vehicle), ("mass", "")
-    for field, mistakes in _MISTAKES.items():
-        for unit, factor in mistakes:
-            changed = _changed(vehicle, field, factor)
-            if _oddness(changed) < best:
-                best, right = _oddness(changed), getattr(changed, field)
-                guess = f" (was it given in {unit}? That would be {right:g} {_UNITS[field]})"
-                choice = field, guess if best < 1.0 else ""
-    return choice
+def _suspects(vehicle: VehicleParameters) -> tuple[tuple[str, ...], str]:
+    """Return the fields that are most likely wrong, and a guess at the unit that they were given in."""
+    fields: tuple[str, ...] = ("mass",)
+    best, guess = 0.8 * _oddness(vehicle), ""
+    for candidates, unit, factor in _MISTAKES:
+        changed = _changed(vehicle, candidates, factor)
+        if _oddness(changed) < best:
+            best, fields = _oddness(changed), candidates
+            right = " and ".join(f"{getattr(changed, field):g} {_UNITS[field]}" for field in fields)
+            guess = f" (was it given in {unit}? That would be {right})" if best < 1.0 else ""
+    return fields, guess
 
 
-def _changed(vehicle: VehicleParameters, field: str, factor: float) -> VehicleParameters:
-    """A car with one number times ``factor``, whether it is allowed or not."""
+def _warn_of_odd(vehicle: VehicleParameters) -> None:
+    """Warn of a car that can be integrated and whose proportions are those of a mistaken unit."""
+    if _oddness(vehicle) > ODD:
+        fields, guess = _suspects(vehicle)
+        if guess:
+            given = " and ".join(f"vehicle.{field}={getattr(vehicle, field):g}" for field in fields)
+            warnings.warn(f"{given} is unlike any car's{guess}", stacklevel=2)
+
+
+def _changed(vehicle: VehicleParameters, fields: tuple[str, ...], factor: float) -> VehicleParameters:
+    """A car with some numbers times ``factor``, whether they are allowed or not."""
     changed = copy(vehicle)
-    object.__setattr__(changed, field, getattr(vehicle, field) * factor)
+    for field in fields:
+        object.__setattr__(changed, field, getattr(vehicle, field) * factor)
     return changed
 
 

@@ -109,7 +109,7 @@ class Scan:
         if self.beams == 1:
             raise ValueError("scan.beams=1 is not allowed: 0 for no scan, or at least 2")
         require("scan.field_of_view", self.field_of_view, "rad", above=0.0, at_most=6.2)
-        require("scan.nearest", self.nearest, "m", at_least=0.0)
+        require("scan.nearest", self.nearest, "m", at_least=0.0, at_most=999.0)
         require("scan.farthest", self.farthest, "m", above=self.nearest, at_most=1000.0)
         require("scan.noise", self.noise, "m", at_least=0.0, at_most=1e3)
         require("scan.missing_every", self.missing_every, "beams", at_least=0, at_most=1_000_000, whole=True)
@@ -189,6 +189,7 @@ class WallFollowScenario(CarScenario):
 
     base_step: ClassVar[float] = 0.005
     view: ClassVar[float] = 8.0
+    largest_observed_speed: ClassVar[float] = 20.0
     task: ClassVar[int] = at.WALL_FOLLOW
 
     control_step: float = 0.045

@@ -101,9 +101,13 @@ def test_the_largest_eigenvalue_is_that_of_the_matrix():
         ({"mass": 1.7}, ["vehicle.mass=1.7", ">= ", "kg", "given in t?", "1700 kg"]),
         ({"yaw_inertia": 2.7}, ["vehicle.yaw_inertia=2.7", "kg m²", "t m²", "2700 kg m²"]),
         ({"yaw_inertia": 1e-6}, ["vehicle.yaw_inertia", ">= "]),
-        ({"cg_to_front_axle": 1300.0}, ["vehicle.cg_to_front_axle", "m"]),
+        ({"cg_to_front_axle": 1300.0}, ["vehicle.cg_to_front_axle", "<= 100.0 m"]),
+        ({"mass": 1.7, "yaw_inertia": 2.7}, ["vehicle.mass=1.7 and vehicle.yaw_inertia=2.7", "t and t m²", "1700 kg"]),
         ({"mass": 1.7e6}, ["vehicle.mass", "<= 1000000.0 kg"]),
-        ({"front_cornering_stiffness": 6.2e7, "rear_cornering_stiffness": 1.1e8}, ["vehicle.", "too fast"]),
+        (
+            {"front_cornering_stiffness": 6.2e7, "rear_cornering_stiffness": 1.1e8},
+            ["front_cornering_stiffness", "mN/rad", "<= "],
+        ),
     ],
 )
 def test_a_wrong_unit_is_named(changes, words):
@@ -146,3 +150,53 @@ def test_shorter_steps_are_taken_where_they_are_needed_only():
 def test_a_speed_beyond_the_largest_is_refused():
     with pytest.raises(ValueError, match=r"randomisation.speed=.*100 m/s; it must be <= 2"):
         LaneKeepScenario.from_keywords(randomisation={"speed": [1.0, 3.0]})
+
+
+@pytest.mark.parametrize(
+    ("changes", "unit"),
+    [
+        ({"front_cornering_stiffness": 1079.5, "rear_cornering_stiffness": 1879.1}, "N/deg"),
+        ({"front_cornering_stiffness": 61.85, "rear_cornering_stiffness": 107.665}, "kN/rad"),
+        ({"yaw_inertia": 2.7e6}, "g m²"),
+    ],
+)
+def test_a_unit_that_could_be_driven_is_warned_of(changes, unit):
+    with pytest.warns(UserWarning, match=unit):
+        LaneKeepScenario.from_keywords(vehicle={**CAR, **changes})
+
+
+def test_no_shipped_car_is_warned_of(recwarn):
+    for name in lanekeep_env.VEHICLES:
+        for drawn in lanekeep_env.RANDOMISATIONS:
+            LaneKeepScenario.from_keywords(vehicle=name, randomisation=drawn)
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize(
+    "keywords",
+    [
+        {"randomisation": "stress", "road": "slalom"},
+        {"randomisation": "stress", "tyre": "magic_formula", "friction": 0.4},
+        {"speed": {"maximum": 30.0, "minimum": 2.0}, "road": "yin", "randomisation": {"speed": [0.5, 0.9]}},
+    ],
+)
+def test_no_episode_is_slower_than_what_is_judged(keywords):
+    envs = gym.make_vec("lanekeep/LaneKeep-v0", 256, "vector_entry_point", departure="off", **keywords)
+    slowest = envs.unwrapped.scenario._slowest()
+    _, info = envs.reset(seed=0)
+    for _ in range(100):
+        assert info["speed"].min() >= slowest * (1.0 - 1e-9)
+        info = envs.step(np.zeros((256, 1), np.float32))[4]
+    assert info["speed"].min() < 3.0 * slowest
+
+
+def test_set_speeds_change_at_control_steps():
+    for scenario in (WallFollowScenario, lanekeep_env.ReversePathScenario, lanekeep_env.CameraLaneScenario):
+        with pytest.raises(ValueError, match=r"speed.hold=1e-06 is not allowed: .* multiple of the control step"):
+            scenario.from_keywords(speed={"maximum": 2.0, "hold": 1e-6})
+
+
+def test_speeds_stay_inside_what_is_observed():
+    for scenario in (WallFollowScenario, lanekeep_env.ReversePathScenario):
+        with pytest.raises(ValueError, match=r"speed .*30.0 is not allowed: .*<= 20"):
+            scenario.from_keywords(speed=30.0)

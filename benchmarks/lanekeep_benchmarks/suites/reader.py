@@ -125,7 +125,9 @@ def _check_fields(where: str, table: Mapping[str, Any], kinds: Mapping[str, type
             raise ValueError(f"{where}{key} is missing; it must be {_KINDS[kinds[key]]}")
     if "env_id" in table:
         choose(f"{where}env_id", table["env_id"], ENVIRONMENTS)
-    require(f"{where}max_episode_steps", table.get("max_episode_steps"), "", at_least=1, optional=True)
+    require(
+        f"{where}max_episode_steps", table.get("max_episode_steps"), "", at_least=1, at_most=10_000_000, optional=True
+    )
 
 
 def _check_plain(where: str, value: Any, depth: int = 0) -> None:
