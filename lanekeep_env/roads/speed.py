@@ -75,8 +75,8 @@ class LimitedSpeed:
         require("speed.lateral_acceleration", self.lateral_acceleration, "m/s²", at_least=1e-3, at_most=1000.0)
         require("speed.maximum", self.maximum, "m/s", above=0.0, at_most=100.0)
         require("speed.minimum", self.minimum, "m/s", above=0.0, at_most=self.maximum, optional=True)
-        require("speed.acceleration", self.acceleration, "m/s²", at_least=1e-3, at_most=100.0)
-        require("speed.deceleration", self.deceleration, "m/s²", at_least=1e-3, at_most=100.0)
+        require("speed.acceleration", self.acceleration, "m/s²", at_least=1e-3, at_most=1e5)
+        require("speed.deceleration", self.deceleration, "m/s²", at_least=1e-3, at_most=1e5)
         plain_numbers(self)
 
     def to_dict(self) -> dict[str, Any]:
@@ -149,7 +149,7 @@ class SetSpeeds:
         require("speed.minimum", self.minimum, "m/s", at_least=0.0, at_most=self.maximum)
         require("speed.hold", self.hold, "s", above=0.0, at_most=1e6, optional=True)
         require("speed.standstill", self.standstill, "(a share)", at_least=0.0, at_most=1.0)
-        require("speed.acceleration", self.acceleration, "m/s²", at_least=1e-3, at_most=100.0)
+        require("speed.acceleration", self.acceleration, "m/s²", at_least=1e-3, at_most=1e5)
         require(
             "speed.lateral_acceleration",
             self.lateral_acceleration,

@@ -61,7 +61,7 @@ def refused(name=WALL, **keywords):
         ({"scan": {"beams": 9, "field_of_view": 7.0}}, ["scan.field_of_view=7.0", "<= 6.2 rad"]),
         ({"scan": {"beams": 9, "jump_errors": 2.0}}, ["scan.jump_errors=2.0", "<= 1.0"]),
         ({"scan": {"beams": 9, "period": 0.1}}, ["scan.period=0.1", "multiple of 0.045 s", "0.09"]),
-        ({"encoder_ticks": -8}, ["encoder_ticks=-8", ">= 0 ticks a turn"]),
+        ({"encoder_ticks": -8}, ["encoder_ticks=-8", ">= 0", "ticks a turn"]),
         ({"encoder_direction": "no"}, ["encoder_direction='no'", "True or False"]),
         ({"sensors": {"distance_rigth": {}}}, ["'distance_rigth'", "did you mean 'distance_right'"]),
         ({"sensors": {"yaw_rate": {"period": 0.1}}}, ["sensors.yaw_rate.period=0.1", "0.045 s"]),
