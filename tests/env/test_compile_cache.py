@@ -292,17 +292,17 @@ APART = """
 import sys, numba, numpy as np
 from lanekeep_env import layout as at
 from lanekeep_env.compile import kernel
-from lanekeep_env.physics import integrate
+from lanekeep_env.physics import models
 def drive(model, advance):
     def go(lanes, settings):
-        advance(lanes, at.COMMAND, settings, None)
+        advance(lanes, at.COMMAND, settings, None, None)
     go.__qualname__ = go.__name__ = "go_" + model
     go = kernel()(go)
     lanes, settings = np.full((at.LANE_ROWS, 1), 0.5), np.full(at.CHANNELS, 0.01)
     go(lanes, settings)
     print(lanes[at.LATERAL, 0].hex(), sum(go.stats.cache_hits.values()))
 for model in sys.argv[1:]:
-    drive(model, getattr(integrate, "advance_" + model))
+    drive(model, getattr(models, model.upper()).advance)
 """
 
 

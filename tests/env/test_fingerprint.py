@@ -15,9 +15,11 @@ from numba.core.dispatcher import Dispatcher
 
 import lanekeep_env
 from lanekeep_env.compile import inline, kernel
+from lanekeep_env.envs import road_kernel, wall_kernel
 from lanekeep_env.fingerprint import COMPILED_WITH, fingerprint
 from lanekeep_env.kernel_cache import KernelCache
-from lanekeep_env.physics import numeric
+from lanekeep_env.physics import models, numeric
+from lanekeep_env.physics.integrate import PACED
 
 PACKAGE = Path(lanekeep_env.__file__).parent
 DECORATORS = {"inline", "helper", "kernel"}
@@ -39,6 +41,9 @@ KERNELS = [
     for value in vars(module).values()
     if isinstance(value, Dispatcher) and isinstance(value._cache, KernelCache) and value.__module__ == module.__name__
 ]
+MODELS = [model for model in vars(models).values() if isinstance(model, models.CarModel)]
+KERNELS += [made for model in MODELS for made in road_kernel.step_kernels(model)]
+KERNELS += [made for model in MODELS if model.pace == PACED for made in wall_kernel.step_kernels(model)]
 
 
 def fingerprints():
@@ -141,12 +146,18 @@ def test_options_and_closures_count(monkeypatch):
 PRINT = """
 import sys
 import lanekeep_env.envs.road_kernel, lanekeep_env.envs.wall_kernel, lanekeep_env.walls.raycast
+from lanekeep_env.envs import road_kernel, wall_kernel
 from lanekeep_env.fingerprint import fingerprint
 from lanekeep_env.kernel_cache import KernelCache
+from lanekeep_env.physics import models
 for name in sorted(sys.modules):
     for value in list(vars(sys.modules[name]).values()) if name.startswith("lanekeep_env.") else ():
         if isinstance(getattr(value, "_cache", None), KernelCache) and value.__module__ == name:
             print(f"{name}.{value.py_func.__name__}", fingerprint(value))
+for model in [model for model in vars(models).values() if isinstance(model, models.CarModel)]:
+    for family in (road_kernel, wall_kernel) if model.pace == models.PACED else (road_kernel,):
+        for value in family.step_kernels(model):
+            print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
 """
 
 
@@ -181,7 +192,7 @@ CHANGED = {
     "comments, docstrings, formatting": lambda name: False,
     "what no kernel reads": lambda name: False,
     "gravity": lambda name: "env.walls." not in name,
-    "a tyre": lambda name: "step_magic" in name or "step_driven" in name,
+    "a tyre": lambda name: "magic_formula" in name or "powered" in name,
 }
 
 
