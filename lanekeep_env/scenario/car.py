@@ -68,8 +68,9 @@ class CarScenario(ScenarioRecord):
         require("reference_steering_rate", self.reference_steering_rate, "rad/s", at_least=1e-4, at_most=1e3)
         require("cost_cap", self.cost_cap, "1/s", at_least=1e-6, at_most=1e6)
         choose("observation", self.observation, ("measured", "full"))
-        require("control_step", self.control_step, "s", at_least=self.base_step, at_most=1.0)
+        require("control_step", self.control_step, "s", above=0.0, at_most=1.0)
         multiple_of_step("control_step", self.control_step, self.base_step)
+        require("control_step", self.control_step, "s", at_least=self.base_step)
         multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay, self.base_step)
         check_speed(self.speed.largest, self.randomisation, self.largest_observed_speed)
         self._check_hold()
@@ -171,5 +172,6 @@ def multiple_of_step(name: str, seconds: float, step: float) -> None:
     steps = round(seconds / step)
     if abs(seconds - steps * step) > 1e-9:
         raise ValueError(
-            f"{name}={seconds!r} is not allowed: it must be a multiple of {step} s (the nearest is {steps * step:g} s)"
+            f"{name}={seconds!r} is not allowed: it must be a multiple of {step} s (the nearest is "
+            f"{max(steps, 1) * step:g} s)"
         )
