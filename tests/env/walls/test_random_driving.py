@@ -42,7 +42,7 @@ def random_keywords(rng, circuit):
             {"kind": "slalom", "gap": float(rng.uniform(0.6, 2.5)), **glass},
             {"kind": "corridor", "length": 20.0, "width": float(rng.uniform(0.6, 30.0)), **glass},
         ),
-        "speed": pick(0.0, 0.3, 2.0, 20.0, {"minimum": 0.1, "maximum": 5.0, "hold": 0.5}),
+        "speed": pick(0.0, 0.3, 2.0, 20.0, {"minimum": 0.1, "maximum": 5.0, "hold": 0.45}),
         "action": pick("steering_angle", "steering_rate"),
         "max_steering_angle": float(rng.uniform(0.05, 1.3)),
         "steering_offset": pick(0.0, (-0.05, 0.05), 0.1),
