@@ -165,8 +165,8 @@ SATURATES = 74  # 1 where friction limits the speed profile
 FRONT_SPEED = 75  # 1 where the speed is the front wheels'
 POWERED = 76  # 1 where the speed at the start is the one that is set
 FIRST_PREVIEW = 77  # channel of the first preview sample, or beam of the scan
-CHANNELS = 78  # low, high and source (a row of the lanes, -1 for none) of each channel follow, channel by channel
-CHANNEL_SIZE = 3
+GATHERED = 78  # how many channels are rows of the lanes as they stand
+CHANNELS = 79  # low and high of each channel follow, then column and source (a row of the lanes) of each gathered one
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample, then:

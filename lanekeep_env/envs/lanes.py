@@ -53,11 +53,11 @@ class Lanes:
         self.num_lanes = num_lanes
         self.num_actions = scenario.num_actions
         self.num_channels = len(scenario.channels)
+        self.sensors = self._sensors()
         self.settings = self._settings()
         self.settings[at.AUTORESET] = autoreset
         self.settings[at.MAX_STEPS] = max_steps or np.inf
         blocks = -(-num_lanes // BLOCK)
-        self.sensors = self._sensors()
         rows = at.LANE_ROWS + int(self.settings[at.DELAY_DEPTH])
         if self.sensors is not None:
             rows += int((TRUTH + 1 + self.sensors[:, 4]).sum())
@@ -73,11 +73,12 @@ class Lanes:
         raise NotImplementedError
 
     def _settings(self) -> np.ndarray:
-        values = np.zeros(at.CHANNELS + at.CHANNEL_SIZE * self.num_channels, dtype=self.dtype)
+        gathered = self.scenario.gathered(perfect=self.sensors is None)
+        values = np.zeros(at.CHANNELS, dtype=self.dtype)
         for row, number in self.scenario.numbers().items():
             values[row : row + np.size(number)] = number
-        values[at.CHANNELS :] = self.scenario.channel_table().ravel()
-        return values
+        values[at.GATHERED] = len(gathered)
+        return np.concatenate([values, self.scenario.channel_bounds().ravel(), np.ravel(gathered)]).astype(self.dtype)
 
     def _sensors(self) -> np.ndarray | None:
         """Numbers of the sensors, or None where all are perfect and always see."""

@@ -12,10 +12,10 @@ from lanekeep_env.physics.numeric import clip
 @helper
 def gather(first, last, lanes, settings, observation):
     """Write the channels that are rows of the lanes, inside their bounds; others are left as they are."""
-    for channel in range(observation.shape[1]):
-        place = at.CHANNELS + at.CHANNEL_SIZE * channel
-        low, high, source = settings[place], settings[place + 1], np.int64(settings[place + 2])
-        if source >= 0:
-            row = lanes[source]
-            for i in range(first, last):
-                observation[i, channel] = clip(row[i], low, high)
+    table = at.CHANNELS + 2 * observation.shape[1]
+    for place in range(table, table + 2 * np.int64(settings[at.GATHERED]), 2):
+        channel, row = np.int64(settings[place]), lanes[np.int64(settings[place + 1])]
+        low, high = settings[at.CHANNELS + 2 * channel], settings[at.CHANNELS + 2 * channel + 1]
+        seen, told = row[first:last], observation[first:last, channel]
+        for i in range(last - first):
+            told[i] = clip(seen[i], low, high)

@@ -198,7 +198,7 @@ def _report(first, last, lanes, outcome):
 def _preview(first, last, samples, lanes, counters, road, settings, observation):
     """Write curvature at the car and ahead of it, along the road at the present speed or at fixed distances."""
     column = np.int64(settings[at.FIRST_PREVIEW])
-    place = at.CHANNELS + at.CHANNEL_SIZE * column
+    place = at.CHANNELS + 2 * column
     low, high = settings[place], settings[place + 1]
     rows = road.shape[0]
     for i in range(first, last):

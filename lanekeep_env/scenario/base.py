@@ -120,10 +120,13 @@ class ScenarioRecord:
         """Column of a channel in the observation, -1 for one that is not there."""
         return next((k for k, channel in enumerate(self.channels) if channel.name == name), -1)
 
-    def channel_table(self) -> np.ndarray:
-        """Low, high and source (-1 for none) of each channel, (channels, `layout.CHANNEL_SIZE`)."""
-        sources = [-1 if c.source is None else c.source for c in self.channels]
-        return np.column_stack([self.channel_bounds(), sources])
+    def gathered(self, perfect: bool) -> list[tuple[int, int]]:
+        """Column and source of the channels that show rows of the lanes as they stand; measured ones if ``perfect``."""
+        return [
+            (column, channel.source)
+            for column, channel in enumerate(self.channels)
+            if channel.source is not None and (perfect or channel.sensor is None)
+        ]
 
     def sensor_table(self) -> np.ndarray:
         """Numbers of the sensors in the order of their channels, (measured channels, `layout.SENSOR_SIZE`)."""

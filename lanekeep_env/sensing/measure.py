@@ -74,7 +74,7 @@ def measure(i, lanes, counters, settings, sensors, observation):
             lanes[row + SEEN, i] = 0.0 if np.isnan(seen) else 1.0
             missing = lanes[row + HELD, i] if sensors[channel, at.HOLDS] > 0.0 else sensors[channel, at.MISSING]
             lanes[row + HELD, i] = missing if np.isnan(seen) else value
-        place = at.CHANNELS + at.CHANNEL_SIZE * column
+        place = at.CHANNELS + 2 * column
         observation[i, column] = clip(lanes[row + HELD, i], settings[place], settings[place + 1])
         if valid >= 0:
             observation[i, valid] = lanes[row + SEEN, i]
