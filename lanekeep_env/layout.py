@@ -84,7 +84,8 @@ CURVATURE_HERE = 69  # of the road at the car, 1/m; where the observation is ful
 ERROR = 70  # lateral, m
 TURNED = 71  # heading error, rad
 SCAN_NEW = 72  # 1 where the scan was renewed
-LANE_ROWS = 73  # further rows, as many as needed: commands (newest first), then the sensors' rows
+DIVERGED = 73  # 1 where the state is no number any more
+LANE_ROWS = 74  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the lane (a uint64, reinterpreted)
@@ -165,8 +166,12 @@ SATURATES = 74  # 1 where friction limits the speed profile
 FRONT_SPEED = 75  # 1 where the speed is the front wheels'
 POWERED = 76  # 1 where the speed at the start is the one that is set
 FIRST_PREVIEW = 77  # channel of the first preview sample, or beam of the scan
-GATHERED = 78  # how many channels are rows of the lanes as they stand
-CHANNELS = 79  # low and high of each channel follow, then column and source (a row of the lanes) of each gathered one
+LARGEST_COST = 78  # of a second, 1/s
+SECOND = 79  # row of what the second action asks for
+SECOND_LOW = 80  # its least value that counts
+SECOND_SCALE = 81  # what is asked for at 1
+GATHERED = 82  # how many channels are rows of the lanes as they stand
+CHANNELS = 83  # low and high of each channel follow, then column and source (a row of the lanes) of each gathered one
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample, then:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lanekeep_env.envs.road_lanes import RoadLanes
 from lanekeep_env.envs.vector import ManyEnvs
+from lanekeep_env.families.road.cars import RoadLanes
 from lanekeep_env.rendering.road_picture import RoadPicture
 from lanekeep_env.roads import Road
 from lanekeep_env.scenario import LaneKeepScenario, RoadScenario

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from lanekeep_env import layout as at
 from lanekeep_env.envs.single import SingleEnv
 from lanekeep_env.envs.vector import ManyEnvs
-from lanekeep_env.envs.wall_lanes import WallLanes
+from lanekeep_env.families.wall.cars import WallLanes
 from lanekeep_env.rendering.wall_picture import WallPicture
 from lanekeep_env.scenario.walls import CircuitScenario, WallFollowScenario
 from lanekeep_env.walls import World

@@ -148,6 +148,7 @@ class CarScenario(ScenarioRecord):
             at.RANGES: self.randomisation.bounds(),
             at.DELAY_DEPTH: round(longest / step) // substeps + 2 if longest > 0.0 else 0,
             at.HORIZON: self.episode_steps,
+            at.LARGEST_COST: self.largest_cost,
             **self.speed.numbers(self.control_step, step),
         }
 

@@ -229,6 +229,7 @@ class DriveScenario(LaneKeepScenario):
             at.SLOPES: np.sin(self.slope),
             at.WINDS: self.wind,
             at.SPEED_REFERENCE: self.reference_speed_error,
+            at.SECOND: (at.PEDAL, -1.0, 1.0),
         }
 
     def _slowest(self) -> float:

@@ -328,6 +328,8 @@ class WallFollowScenario(CarScenario):
             at.START_LATERAL: self.start_lateral_error,
             at.START_HEADING: self.start_heading_error,
             at.LARGEST_SPEED: self.largest_speed,
+            # The dynamic car does not know backwards.
+            at.SECOND: (at.SPEED_TARGET, 0.0 if self.model.slips else -1.0, self.largest_speed),
             at.TASK: self.task,
             at.SET_DISTANCE: self.set_distance,
             at.TICK: 2.0 * math.pi * car.wheel_radius / self.encoder_ticks if self.encoder_ticks else 0.0,

@@ -15,11 +15,13 @@ from numba.core.dispatcher import Dispatcher
 
 import lanekeep_env
 from lanekeep_env.compile import inline, kernel
-from lanekeep_env.envs import road_kernel, wall_kernel
+from lanekeep_env.engine.step import reset_kernel, step_kernels
+from lanekeep_env.families.road.kernel import ON_ROADS
+from lanekeep_env.families.wall.kernel import BETWEEN_WALLS
 from lanekeep_env.fingerprint import COMPILED_WITH, fingerprint
 from lanekeep_env.kernel_cache import KernelCache
 from lanekeep_env.physics import models, numeric
-from lanekeep_env.physics.integrate import PACED
+from lanekeep_env.physics.integrate import DRIVEN, PACED
 
 PACKAGE = Path(lanekeep_env.__file__).parent
 DECORATORS = {"inline", "helper", "kernel"}
@@ -42,8 +44,11 @@ KERNELS = [
     if isinstance(value, Dispatcher) and isinstance(value._cache, KernelCache) and value.__module__ == module.__name__
 ]
 MODELS = [model for model in vars(models).values() if isinstance(model, models.CarModel)]
-KERNELS += [made for model in MODELS for made in road_kernel.step_kernels(model)]
-KERNELS += [made for model in MODELS if model.pace == PACED for made in wall_kernel.step_kernels(model)]
+KERNELS += [made for model in MODELS for made in step_kernels(model, ON_ROADS, 2 if model.pace == DRIVEN else 1)]
+KERNELS += [
+    made for model in MODELS if model.pace == PACED for n in (1, 2) for made in step_kernels(model, BETWEEN_WALLS, n)
+]
+KERNELS += [reset_kernel(family) for family in (ON_ROADS, BETWEEN_WALLS)]
 
 
 def fingerprints():
@@ -145,8 +150,10 @@ def test_options_and_closures_count(monkeypatch):
 
 PRINT = """
 import sys
-import lanekeep_env.envs.road_kernel, lanekeep_env.envs.wall_kernel, lanekeep_env.walls.raycast
-from lanekeep_env.envs import road_kernel, wall_kernel
+import lanekeep_env.walls.raycast
+from lanekeep_env.engine.step import reset_kernel, step_kernels
+from lanekeep_env.families.road.kernel import ON_ROADS
+from lanekeep_env.families.wall.kernel import BETWEEN_WALLS
 from lanekeep_env.fingerprint import fingerprint
 from lanekeep_env.kernel_cache import KernelCache
 from lanekeep_env.physics import models
@@ -155,9 +162,13 @@ for name in sorted(sys.modules):
         if isinstance(getattr(value, "_cache", None), KernelCache) and value.__module__ == name:
             print(f"{name}.{value.py_func.__name__}", fingerprint(value))
 for model in [model for model in vars(models).values() if isinstance(model, models.CarModel)]:
-    for family in (road_kernel, wall_kernel) if model.pace == models.PACED else (road_kernel,):
-        for value in family.step_kernels(model):
-            print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
+    made = list(step_kernels(model, ON_ROADS, 2 if model.pace == models.DRIVEN else 1))
+    if model.pace == models.PACED:
+        made += [*step_kernels(model, BETWEEN_WALLS, 1), *step_kernels(model, BETWEEN_WALLS, 2)]
+    for value in made:
+        print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
+for value in (reset_kernel(ON_ROADS), reset_kernel(BETWEEN_WALLS)):
+    print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
 """
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import lanekeep_env
 from lanekeep_env import LaneKeepScenario, Termination
-from lanekeep_env.envs import road_lanes
+from lanekeep_env.families.road.cars import road_tables
 from lanekeep_env.roads import sets
 
 ID = "lanekeep/LaneKeep-v0"
@@ -256,7 +256,7 @@ def test_a_road_file_that_changes_is_refused(tmp_path):
     saved, before = pickle.dumps(env.unwrapped), env.unwrapped.scenario.hash
     path.write_text("\n".join(f"{5 * k}, {(k / 10) ** 2}" for k in range(60)))
     assert env.unwrapped.scenario.hash == before and gym.make(ID, road=str(path)).unwrapped.scenario.hash != before
-    road_lanes.road_tables.cache_clear(), sets._built.cache_clear()
+    road_tables.cache_clear(), sets._built.cache_clear()
     with pytest.raises(ValueError, match="has changed"):
         pickle.loads(saved)
 

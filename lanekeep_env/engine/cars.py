@@ -10,10 +10,14 @@ from gymnasium.utils import seeding
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
+from lanekeep_env.engine.step import Family, reset_kernel, step_kernels
 from lanekeep_env.sensing.measure import TRUTH
 
 #: Lanes that are advanced together: enough for SIMD, few enough for the first-level cache.
 BLOCK = 256
+
+#: What `_bind` fetches.
+_NOT_KEPT = ("ground", "index", "equipment", "step", "step_parallel", "_reset")
 
 
 class Lanes:
@@ -27,18 +31,21 @@ class Lanes:
         max_steps: control steps after which a lane is truncated; None leaves that to others.
     """
 
-    outcome_rows: ClassVar[int]
+    family: ClassVar[Family]
     #: What ``reset(options=...)`` may fix, in the order of the kernel's start rows.
     start_options: ClassVar[tuple[str, ...]]
     #: Row of the lanes that is infinite where no car is.
     empty_row: ClassVar[int]
-    #: What `_bind` fetches and no pickle keeps.
-    bound: ClassVar[tuple[str, ...]]
     #: Arrays that change while the cars drive.
     moving: tuple[str, ...] = ("lanes", "counters")
 
+    # What `_bind` fetches, and no pickle keeps: tables and what the scenario has, and the kernels.
+    ground: Any
+    index: np.ndarray
+    equipment: tuple[Any, ...]
     step: Callable[..., None]
     step_parallel: Callable[..., None]
+    _reset: Callable[..., None]
 
     def __init__(
         self,
@@ -72,6 +79,10 @@ class Lanes:
         """Fetch what is not kept in a pickle: tables (large, constant) and compiled functions."""
         raise NotImplementedError
 
+    def _bind_kernels(self) -> None:
+        self.step, self.step_parallel = step_kernels(self.scenario.model, self.family, self.num_actions)
+        self._reset = reset_kernel(self.family)
+
     def _settings(self) -> np.ndarray:
         gathered = self.scenario.gathered(perfect=self.sensors is None)
         values = np.zeros(at.CHANNELS, dtype=self.dtype)
@@ -94,9 +105,21 @@ class Lanes:
         return np.array([steering.backlash / 2, steering.feedback == "motor"], dtype=self.dtype)
 
     @property
+    def outcome_rows(self) -> int:
+        """Rows of the outcome that a step writes."""
+        return self.family.outcome_rows
+
+    @property
     def state(self) -> tuple[Any, ...]:
         """The kernel's arguments between the blocks and the action."""
-        raise NotImplementedError
+        return self.lanes, self.counters, self.ground, self.index, self.settings, self.equipment
+
+    def reset(
+        self, options: dict[str, Any] | None, mask: np.ndarray, observation: np.ndarray, outcome: np.ndarray
+    ) -> None:
+        """Start the next episode of the lanes in ``mask`` (bool, (n,)), writing their observations and truth."""
+        start = self._start(options) if options else self._free_start
+        self._reset(mask, start, *self.state, observation, outcome)
 
     def seed(self, seeds: Sequence[int | None]) -> None:
         """Give lane i the base key of ``seeds[i]``, the first draw of Gymnasium's generator for that seed."""
@@ -142,8 +165,7 @@ class Lanes:
         raise NotImplementedError
 
     def __getstate__(self) -> dict[str, Any]:
-        dropped = (*self.bound, "equipment", "step", "step_parallel")
-        return {k: v for k, v in self.__dict__.items() if k not in dropped}
+        return {k: v for k, v in self.__dict__.items() if k not in _NOT_KEPT}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

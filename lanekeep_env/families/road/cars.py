@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.envs import road_kernel
-from lanekeep_env.envs.given_state import check_state, row_of
-from lanekeep_env.envs.lanes import Lanes, check_index
+from lanekeep_env.engine.cars import Lanes, check_index
+from lanekeep_env.engine.given_state import check_state, row_of
+from lanekeep_env.families.road.kernel import ON_ROADS
 from lanekeep_env.rendering.road_picture import Pose
 from lanekeep_env.roads import Road, RoadSpec, SpeedSpec, road_set
 from lanekeep_env.scenario import (
@@ -70,10 +70,10 @@ def road_tables(
 class RoadLanes(Lanes):
     """n cars on roads."""
 
-    outcome_rows = at.OUTCOME_ROWS
+    family = ON_ROADS
     start_options = ("lateral_error", "heading_error", "arc_length", "road_index")
     empty_row = at.SEGMENT_LENGTH
-    bound = ("road", "roads")
+    bound = ()
 
     def __init__(self, scenario: RoadScenario, *arguments: Any) -> None:
         roads = [road for road, _ in road_set(scenario.road, scenario.speed)]
@@ -87,12 +87,12 @@ class RoadLanes(Lanes):
     def _bind(self) -> None:
         """Fetch what is not kept in a pickle: road tables (large, constant) and compiled functions."""
         s = self.scenario
-        self.road, self.roads = road_tables(
+        self.ground, self.index = road_tables(
             s.road, s.speed, s.road.fingerprint(), s.episode_steps * s.control_step, self.dtype
         )
         # Flat: numba cannot hand a tuple of tuples to several threads.
         self.equipment = self.sensors, self.gear, s.integration.lowered_floor, self._camera(), *self._drive()
-        self.step, self.step_parallel = road_kernel.step_kernels(s.model)
+        self._bind_kernels()
 
     def _drive(self) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Numbers of the powertrain and the timelines, None without a powertrain."""
@@ -113,22 +113,11 @@ class RoadLanes(Lanes):
         ]
         return np.concatenate([[s.reach, offset, s.camera.widest], *marks])
 
-    @property
-    def state(self) -> tuple[Any, ...]:
-        """The kernel's arguments between the blocks and the action."""
-        return self.lanes, self.counters, self.road, self.roads, self.settings, self.equipment
-
-    def reset(
-        self, options: dict[str, Any] | None, mask: np.ndarray, observation: np.ndarray, outcome: np.ndarray
-    ) -> None:
-        """Start the next episode of the lanes in ``mask`` (bool, (n,)), writing their observations and truth."""
-        start = self._start(options) if options else self._free_start
-        road_kernel.reset(mask, start, *self.state, observation, outcome)
-
     def check_state(self, state: Mapping[str, np.ndarray]) -> None:
         """Raise ValueError for a state, of the right shapes, that no lane has."""
         drive, timelines = self.equipment[-2:]
-        sizes: dict[int, np.ndarray | int] = {at.SEGMENT: len(self.road), at.ROAD: len(self.roads)}
+        segments, roads = self.ground, self.index
+        sizes: dict[int, np.ndarray | int] = {at.SEGMENT: len(segments), at.ROAD: len(roads)}
         further = {}
         if drive is not None and timelines is not None:
             sizes[at.TIMELINE] = len(timelines)
@@ -137,7 +126,7 @@ class RoadLanes(Lanes):
         check_state(state, self.settings, sizes, further)
         length = row_of(state["lanes"], at.SEGMENT_LENGTH, self.num_lanes)
         along = row_of(state["lanes"], at.ALONG, self.num_lanes)
-        rows = self.road[state["counters"][at.SEGMENT]]
+        rows = segments[state["counters"][at.SEGMENT]]
         elsewhere = length != rows[:, at.R_LENGTH]
         for row, column in ((at.CURVATURE, at.R_CURVATURE), (at.CURVATURE_SLOPE, at.R_CURVATURE_SLOPE)):
             elsewhere |= row_of(state["lanes"], row, self.num_lanes) != rows[:, column]
@@ -149,7 +138,7 @@ class RoadLanes(Lanes):
 
     def _check_place(self, start: np.ndarray) -> None:
         """Raise ValueError where the last two start rows name a place that does not exist."""
-        check_index(start[3], "road_index", len(self.roads))
+        check_index(start[3], "road_index", len(self.index))
         if np.any((start[2] < 0) | (start[2] > self._shortest)):
             raise ValueError(f"reset option arc_length must be from 0 to {self._shortest:.1f} m")
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
-from lanekeep_env.envs import wall_kernel
-from lanekeep_env.envs.given_state import check_state
-from lanekeep_env.envs.lanes import Lanes, check_index
+from lanekeep_env.engine.cars import Lanes, check_index
+from lanekeep_env.engine.given_state import check_state
+from lanekeep_env.families.wall.kernel import BETWEEN_WALLS
 from lanekeep_env.rendering.wall_picture import WallPose
 from lanekeep_env.scenario.walls import WallFollowScenario
 from lanekeep_env.walls import World, WorldRecord, pack
@@ -69,10 +69,10 @@ def world_tables(world: WorldRecord, fingerprint: str, dtype: str) -> tuple[np.n
 class WallLanes(Lanes):
     """n cars between walls."""
 
-    outcome_rows = at.WALL_OUTCOME_ROWS
+    family = BETWEEN_WALLS
     start_options = ("lateral_error", "heading_error", "start_index", "world_index")
     empty_row = at.SPEED_SQUARED
-    bound = ("worlds",)
+    bound = ()
     moving: tuple[str, ...] = ("lanes", "counters", "held")
 
     def __init__(self, scenario: WallFollowScenario, num_lanes: int, dtype: str, *arguments: Any) -> None:
@@ -98,15 +98,10 @@ class WallLanes(Lanes):
         blocks = len(self.lanes)
         most = int((index[:, at.I_END] - index[:, at.I_FIRST]).max())
         scratch = np.zeros((blocks, SCRATCH_ROWS, most), dtype=self.dtype)
-        self.worlds = walls, index, line, starts, scratch
+        self.ground, self.index = (walls, line, starts, scratch), index
         floor, servo = s.integration.lowered_floor, s.servo.table(s.largest_angle)
         self.equipment = self.sensors, self._gear(), floor, servo, *self._scan(scratch)
-        self.step, self.step_parallel = wall_kernel.step_kernels(s.model)
-
-    @property
-    def state(self) -> tuple[Any, ...]:
-        """The kernel's arguments between the blocks and the action."""
-        return self.lanes, self.counters, self.worlds, self.settings, self.equipment
+        self._bind_kernels()
 
     def _scan(self, scratch: np.ndarray) -> tuple[np.ndarray | None, ...]:
         """The scan's numbers, beams, scratch arrays and the ranges shown last, or None for each without a scan."""
@@ -128,8 +123,7 @@ class WallLanes(Lanes):
         self, options: dict[str, Any] | None, mask: np.ndarray, observation: np.ndarray, outcome: np.ndarray
     ) -> None:
         """Start the next episode of the lanes in ``mask`` (bool, (n,)), writing their observations and truth."""
-        start = self._start(options) if options else self._free_start
-        wall_kernel.reset(mask, start, *self.state, observation, outcome)
+        super().reset(options, mask, observation, outcome)
         if options and not options.keys().isdisjoint(self.start_options[:2]):
             blocked = np.flatnonzero(mask & (self.lanes[:, at.BLOCKED].reshape(-1)[: self.num_lanes] > 0.0))
             if len(blocked):
@@ -140,14 +134,14 @@ class WallLanes(Lanes):
 
     def check_state(self, state: Mapping[str, np.ndarray]) -> None:
         """Raise ValueError for a state, of the right shapes, that no lane has."""
-        index = self.worlds[1]
+        index = self.index
         check_state(state, self.settings, {at.ROAD: len(index)}, {})
         segments = np.maximum(index[state["counters"][at.ROAD], at.I_POINTS] - 1, 1)
         check_state(state, self.settings, {at.SEGMENT: segments}, {})
 
     def _check_place(self, start: np.ndarray) -> None:
         """Raise ValueError where the last two start rows name a place that does not exist."""
-        index = self.worlds[1]
+        index = self.index
         check_index(start[2], "start_index", int(index[:, at.I_STARTS].min()))
         check_index(start[3], "world_index", len(index))
 

@@ -1,0 +1,1 @@
+"""What every environment is driven by: one control step, one episode, the arrays behind them."""

@@ -1,0 +1,87 @@
+"""What an episode draws, on roads as between walls: its car, its set speeds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lanekeep_env import layout as at
+from lanekeep_env.compile import helper, inline
+from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.randomisation import FRICTION_SHARE
+from lanekeep_env.randomness import derive, uniform
+
+# Counters of an episode's random draws: the order is part of an environment's version. (Typed, because
+# numba compiles a function anew for every literal it is called with.)
+DRAW_PLACE, DRAW_STATION, DRAW_LATERAL, DRAW_HEADING = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
+DRAW_CAR = np.int64(4)  # and the following, one a randomised number
+#: Counter of the first set speed of an episode; one a control step from there.
+FIRST_SET_SPEED = np.int64(1 << 33)
+
+
+@inline
+def _drawn(key, which, settings):
+    """Draw the randomised number ``which`` (typed, see above) between its bounds; equal bounds give it exactly."""
+    low = np.float64(settings[at.RANGES + 2 * which])
+    high = np.float64(settings[at.RANGES + 2 * which + 1])
+    return low + (high - low) * uniform(key, DRAW_CAR + which)
+
+
+@helper
+def draw_car(i, key, block, settings):
+    """Write the car of the episode ``key``: the nominal one with the randomised numbers of `Randomisation`.
+
+    Yaw inertia scales with the mass; the axle loads, and with them the saturating tyres' peaks, follow
+    mass, friction and centre of gravity. The speed profile is slowed down where it would use more
+    than `FRICTION_SHARE` of the friction, so that every episode can be driven.
+    """
+    mass_factor, shift = _drawn(key, np.int64(0), settings), _drawn(key, np.int64(4), settings)
+    if settings[at.NOMINAL + 3] == 0.0:
+        shift = 0.0  # the reference point is the rear axle
+    mass = settings[at.NOMINAL] * mass_factor
+    front, rear = settings[at.NOMINAL + 2] - shift, settings[at.NOMINAL + 3] + shift
+    friction = settings[at.NOMINAL + 6] * _drawn(key, np.int64(1), settings)
+    load = friction * mass * GRAVITY / (front + rear)
+    block[at.CAR, i] = front
+    block[at.CAR + 1, i] = rear
+    block[at.CAR + 2, i] = 1.0 / mass
+    block[at.CAR + 3, i] = 1.0 / (settings[at.NOMINAL + 1] * mass_factor)
+    block[at.CAR + 4, i] = settings[at.NOMINAL + 4] * _drawn(key, np.int64(2), settings)
+    block[at.CAR + 5, i] = settings[at.NOMINAL + 5] * _drawn(key, np.int64(3), settings)
+    block[at.CAR + 6, i] = load * rear
+    block[at.CAR + 7, i] = load * front
+    lag = settings[at.NOMINAL + 7] * _drawn(key, np.int64(6), settings)
+    half = 0.5 * settings[at.STEP_TIME]
+    block[at.STEER_RESPONSE, i] = 1.0 - np.exp(-half / lag) if lag > 0.0 else 1.0
+    block[at.STEER_GAIN, i] = min(half / lag, 1.0) if lag > 0.0 else 1.0
+    block[at.STEER_CHANGE, i] = settings[at.NOMINAL + 8] * half
+    delay = settings[at.NOMINAL + 9] + _drawn(key, np.int64(7), settings)
+    block[at.DELAY, i] = np.floor(delay / settings[at.STEP_TIME] + 0.5)
+    speed = _drawn(key, np.int64(5), settings)
+    factor = speed * speed
+    demand = settings[at.LATERAL_LIMIT] * factor
+    grip = FRICTION_SHARE * friction * GRAVITY
+    if settings[at.SATURATES] > 0.0 and demand > grip:
+        factor *= grip / demand
+    block[at.SPEED_FACTOR, i] = factor
+
+
+@inline
+def set_speed(i, episode, step, block, settings):
+    """Draw the set speed (m/s) that holds from control step ``step`` of the episode on."""
+    key = derive(episode, FIRST_SET_SPEED + step)
+    low, high = np.float64(settings[at.SPEED_LOW]), np.float64(settings[at.SPEED_HIGH])
+    speed = (low + (high - low) * uniform(key, np.int64(0))) * np.sqrt(np.float64(block[at.SPEED_FACTOR, i]))
+    speed = -speed if settings[at.BACKWARDS] > 0.0 else speed
+    return 0.0 if uniform(key, np.int64(1)) < settings[at.STANDSTILL] else speed
+
+
+@helper
+def set_speeds(k, cars, counters, settings):
+    """Draw new set speeds for the cars of block ``k`` whose time has come."""
+    first, block = k * cars.shape[2], cars[k]
+    hold = settings[at.SPEED_HOLD]
+    for i in range(min(block.shape[1], counters.shape[1] - first)):
+        step = block[at.STEP, i]
+        if step > 0.0 and step % hold == 0.0:
+            episode = derive(np.uint64(counters[at.KEY, first + i]), counters[at.EPISODE, first + i])
+            block[at.SPEED_TARGET, i] = set_speed(i, episode, np.int64(step), block, settings)

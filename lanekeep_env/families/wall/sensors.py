@@ -1,0 +1,71 @@
+"""What a car between walls sees and touches: ultrasonics, encoder, its body among the walls."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lanekeep_env import layout as at
+from lanekeep_env.compile import helper
+from lanekeep_env.physics.numeric import like, sin_cos, smaller
+from lanekeep_env.sensing.ultrasonic import cone_distance
+from lanekeep_env.walls.contact import clearance, sweeps
+
+#: Ultrasonics: range, m, and tangent of half the cone's angle (22.5 degrees).
+NEAREST, FARTHEST, TANGENT = 0.03, 6.0, 0.41421356237309503
+
+
+@helper
+def look_around(i, block, walls, first, last, settings, scratch):
+    """Write the distances that the three ultrasonics would tell without a fault, m, NaN for no echo."""
+    sine, cosine = sin_cos(block[at.HEADING, i])
+    x, y = block[at.ALONG, i], block[at.LATERAL, i]
+    tangent, nearest, farthest = like(x, TANGENT), like(x, NEAREST), like(x, FARTHEST)
+    side, front = settings[at.SIDE_ARM], settings[at.FRONT_ARM]
+    sx, sy = x + side * cosine, y + side * sine
+    fx, fy = x + front * cosine, y + front * sine
+    block[at.RIGHT, i] = cone_distance(sx, sy, sine, -cosine, tangent, nearest, farthest, walls, first, last, scratch)
+    block[at.LEFT, i] = cone_distance(sx, sy, -sine, cosine, tangent, nearest, farthest, walls, first, last, scratch)
+    block[at.FRONT, i] = cone_distance(fx, fy, cosine, sine, tangent, nearest, farthest, walls, first, last, scratch)
+
+
+@helper
+def measure_clearance(i, block, walls, first, last, settings, scratch):
+    """Write how far car i's body is from the nearest wall."""
+    middle, half_length, half_width = settings[at.BODY], settings[at.BODY + 1], settings[at.BODY + 2]
+    sine, cosine = sin_cos(block[at.HEADING, i])
+    x, y = block[at.ALONG, i] + middle * cosine, block[at.LATERAL, i] + middle * sine
+    block[at.CLEARANCE, i] = clearance(x, y, cosine, sine, half_length, half_width, walls, first, last, scratch)
+
+
+@helper
+def touch(i, block, walls, first, last, settings, scratch):
+    """Whether car i's body touched a wall in this control step; writes its clearance."""
+    measure_clearance(i, block, walls, first, last, settings, scratch)
+    middle, half_length, half_width = settings[at.BODY], settings[at.BODY + 1], settings[at.BODY + 2]
+    sine0, cosine0 = sin_cos(block[at.BEFORE + 2, i])
+    sine, cosine = sin_cos(block[at.HEADING, i])
+    x0, y0 = block[at.BEFORE, i] + middle * cosine0, block[at.BEFORE + 1, i] + middle * sine0
+    x, y = block[at.ALONG, i] + middle * cosine, block[at.LATERAL, i] + middle * sine
+    return sweeps(x0, y0, cosine0, sine0, x, y, cosine, sine, half_length, half_width, walls, first, last, scratch)
+
+
+@helper
+def read_encoder(i, block, settings):
+    """Turn the wheels by the way of this control step and read the encoder."""
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    half = like(seconds, 0.5)
+    v, tick = block[at.SPEED, i], settings[at.TICK]
+    signless = settings[at.SIGNLESS] > 0.0
+    speed = v
+    if tick > 0.0:
+        # The speed rose or fell evenly, and then stood for the rest of the step.
+        before, change = block[at.BEFORE + 3, i], settings[at.SPEED_CHANGE]
+        ramp = abs(v - before) * settings[at.STEP_TIME] / (change if change > 0.0 else like(change, 1.0))
+        way = block[at.WAY, i] + v * seconds - half * (v - before) * smaller(ramp, seconds)
+        # Counted in ticks of the present wheel's turn, so that float32 stays exact on long ways.
+        ticks = np.floor(way / tick)
+        speed = (ticks - block[at.TICKS, i]) * tick / seconds
+        turns = np.floor(ticks * like(tick, 1.0 / 1024.0))
+        block[at.WAY, i] = way - turns * like(tick, 1024.0) * tick
+        block[at.TICKS, i] = ticks - turns * like(tick, 1024.0)
+    block[at.WHEEL_SPEED, i] = abs(speed) if signless else speed
