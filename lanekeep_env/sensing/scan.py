@@ -18,33 +18,23 @@ JUMP = 0.3
 
 
 @helper
-def take_scan(i, lane, x, y, cosine, sine, lanes, counters, walls, first, glass, scan, block):
-    """Renew the scan of a lane if its time has come; return whether it has.
+def take_scan(place, pose, cars, counters, walls, span, scan):
+    """Renew the scan of the car at ``place`` = (block, column of it) if its time has come; return whether it has.
 
-    ``i`` is the lane's place in its block, ``lane`` in the environment; x, y (m), cosine and sine those of the camera.
-    The result is row ``lane`` of ``scan``'s last array, m, 0 for beams that show nothing.
+    ``pose`` is (x, y, cosine, sine) of the camera, m; it sees the walls of ``span`` (first, last). The result is the
+    car's row of ``scan``'s last array, m, 0 for beams that show nothing.
     """
+    (k, i), (x, y, cosine, sine) = place, pose
     numbers, beams, scratch, fan, held = scan
-    step = np.int64(lanes[at.STEP, i])
+    column = k * cars.shape[2] + i
+    step = np.int64(cars[k, at.STEP, i])
     if step % np.int64(numbers[at.SCAN_PERIOD]) != 0:
         return False
     turn_cos, turn_sin = np.cos(numbers[at.SCAN_FIRST]), np.sin(numbers[at.SCAN_FIRST])
-    ranges = held[lane]
-    cast(
-        x,
-        y,
-        cosine * turn_cos - sine * turn_sin,
-        sine * turn_cos + cosine * turn_sin,
-        numbers[at.SCAN_STEP],
-        numbers[at.SCAN_FARTHEST],
-        beams,
-        walls,
-        first,
-        glass,
-        scratch[block],
-        fan[block],
-        ranges,
-    )
+    ranges = held[column]
+    first_beam = cosine * turn_cos - sine * turn_sin, sine * turn_cos + cosine * turn_sin
+    optics = numbers[at.SCAN_STEP], numbers[at.SCAN_FARTHEST], beams
+    cast((x, y, *first_beam), optics, walls, span, scratch[k], fan[k], ranges)
     count = ranges.shape[0]
     nearest, farthest = numbers[at.SCAN_NEAREST], numbers[at.SCAN_FARTHEST]
     noise, jump = numbers[at.SCAN_NOISE], numbers[at.SCAN_JUMP]
@@ -52,7 +42,7 @@ def take_scan(i, lane, x, y, cosine, sine, lanes, counters, walls, first, glass,
     faulty = noise > 0.0 or jump > 0.0
     key = np.uint64(0)
     if faulty:
-        key = derive(derive(np.uint64(counters[at.KEY, i]), counters[at.EPISODE, i]), FIRST_STEP + step)
+        key = derive(derive(np.uint64(counters[at.KEY, column]), counters[at.EPISODE, column]), FIRST_STEP + step)
     for beam in range(count):
         reading = ranges[beam]
         nothing = reading >= farthest or reading < nearest

@@ -9,17 +9,16 @@ from lanekeep_env.physics.numeric import clip, larger, like, smaller
 
 
 @helper
-def cone_distance(x, y, cosine, sine, tangent, nearest, farthest, walls, first, last, scratch):
+def cone_distance(pose, cone, walls, span, scratch):
     """Return the distance of the nearest point of a wall inside the cone, m, or NaN where there is none in range.
 
     Args:
-        x, y: of the sensor, m.
-        cosine, sine: direction of the cone's axis.
-        tangent: of half the cone's angle, which is less than a right one.
-        nearest, farthest: range, m.
-        walls: (4, n), m, of which first..last-1 count.
+        pose: (x, y, cosine, sine): the sensor's place, m, and the direction of the cone's axis.
+        cone: (tangent, nearest, farthest): of half the cone's angle, which is less than a right one, and range, m.
+        walls: (4, n), m, of which those of ``span`` (first, last) count, the last not among them.
         scratch: (at least 1, at least last - first), overwritten.
     """
+    (x, y, cosine, sine), (tangent, nearest, farthest), (first, last) = pose, cone, span
     zero, one, far = like(x, 0.0), like(x, 1.0), like(x, np.inf)
     x0_, y0_, x1_, y1_ = walls[0, first:last], walls[1, first:last], walls[2, first:last], walls[3, first:last]
     squared = scratch[0]

@@ -1,7 +1,8 @@
 """A car's body against walls: distance, contact, and contact anywhere between two poses.
 
-The body is a rectangle: centre (x, y) in m, heading by its cosine and sine, half its length and half its width
-in m. Walls are x0, y0, x1, y1 in m, (4, n), of which first..last-1 count. All floats and arrays have one precision.
+The body is a rectangle, (half its length, half its width) in m, at a pose (x, y, cosine, sine): its centre in m and its
+heading. Walls are x0, y0, x1, y1 in m, (4, n), of which those of a span (first, last) count, the last not among them.
+All floats and arrays have one precision.
 """
 
 from __future__ import annotations
@@ -41,8 +42,9 @@ def _from_corner(x, y, ax, ay, ex, ey, inverse):
 
 
 @helper
-def touches(x, y, cosine, sine, half_length, half_width, walls, first, last):
+def touches(pose, body, walls, span):
     """Return whether a wall touches or enters the body."""
+    (x, y, cosine, sine), (half_length, half_width), (first, last) = pose, body, span
     x0_, y0_, x1_, y1_ = walls[0, first:last], walls[1, first:last], walls[2, first:last], walls[3, first:last]
     count = 0
     for i in range(last - first):
@@ -54,11 +56,12 @@ def touches(x, y, cosine, sine, half_length, half_width, walls, first, last):
 
 
 @helper
-def clearance(x, y, cosine, sine, half_length, half_width, walls, first, last, scratch):
+def clearance(pose, body, walls, span, scratch):
     """Return the distance of the body from the nearest wall, m; 0 in contact, inf without walls.
 
     ``scratch`` is (at least 1, at least last - first), overwritten.
     """
+    (x, y, cosine, sine), (half_length, half_width), (first, last) = pose, body, span
     zero, one = like(x, 0.0), like(x, 1.0)
     x0_, y0_, x1_, y1_ = walls[0, first:last], walls[1, first:last], walls[2, first:last], walls[3, first:last]
     squared = scratch[0]
@@ -86,8 +89,9 @@ def clearance(x, y, cosine, sine, half_length, half_width, walls, first, last, s
 
 
 @helper
-def _exclude(nx, ny, low, high, x, y, walls, first, last, apart):
-    """Mark the walls beyond the interval low..high along the axis n from (x, y)."""
+def _exclude(axis, interval, origin, walls, span, apart):
+    """Mark the walls beyond the interval along the axis from the origin."""
+    (nx, ny), (low, high), (x, y), (first, last) = axis, interval, origin, span
     x0_, y0_, x1_, y1_ = walls[0, first:last], walls[1, first:last], walls[2, first:last], walls[3, first:last]
     one = like(x, 1.0)
     for i in range(last - first):
@@ -97,13 +101,15 @@ def _exclude(nx, ny, low, high, x, y, walls, first, last, apart):
 
 
 @helper
-def sweeps(x, y, cosine, sine, x1, y1, cosine1, sine1, half_length, half_width, walls, first, last, scratch):
+def sweeps(before, after, body, walls, span, scratch):
     """Return whether a wall may touch the body on its way from one pose to the next.
 
     The way is an arc at constant speed and yaw rate, of less than half a turn. Never False for a wall that is
     touched; True also for walls that miss the body by at most about turn·(path + turn·half diagonal)/8 (0.8 mm for
     0.2 m and 0.03 rad), the bulge of the corners' paths. ``scratch`` is as for `clearance`.
     """
+    (x, y, cosine, sine), (x1, y1, cosine1, sine1), (half_length, half_width) = before, after, body
+    first, last = span
     zero, one = like(x, 0.0), like(x, 1.0)
     dx, dy = x1 - x, y1 - y
     apart = scratch[0]
@@ -133,7 +139,7 @@ def sweeps(x, y, cosine, sine, x1, y1, cosine1, sine1, half_length, half_width, 
         moved = nx * dx + ny * dy
         margin = bulge * np.sqrt(nx * nx + ny * ny)
         low, high = smaller(-reach, moved - reach1) - margin, larger(reach, moved + reach1) + margin
-        _exclude(nx, ny, low, high, x, y, walls, first, last, apart)
+        _exclude((nx, ny), (low, high), (x, y), walls, span, apart)
     x0_, y0_, x1_, y1_ = walls[0, first:last], walls[1, first:last], walls[2, first:last], walls[3, first:last]
     count = 0
     for i in range(last - first):
@@ -153,9 +159,9 @@ def measure_bodies(poses, half_length, half_width, walls, scratch, distance, con
     """Write `clearance` and `touches` of many poses (k, 3): x, y (m), heading (rad); both results are (k,)."""
     n = walls.shape[1]
     for i in range(poses.shape[0]):
-        x, y, cosine, sine = poses[i, 0], poses[i, 1], np.cos(poses[i, 2]), np.sin(poses[i, 2])
-        distance[i] = clearance(x, y, cosine, sine, half_length, half_width, walls, 0, n, scratch)
-        contact[i] = touches(x, y, cosine, sine, half_length, half_width, walls, 0, n)
+        pose, body = (poses[i, 0], poses[i, 1], np.cos(poses[i, 2]), np.sin(poses[i, 2])), (half_length, half_width)
+        distance[i] = clearance(pose, body, walls, (0, n), scratch)
+        contact[i] = touches(pose, body, walls, (0, n))
 
 
 @kernel()
@@ -163,6 +169,6 @@ def measure_sweeps(poses, half_length, half_width, walls, scratch, contact):
     """Write `sweeps` between each pose (k + 1, 3) and the next one; ``contact`` is (k,)."""
     n = walls.shape[1]
     for i in range(poses.shape[0] - 1):
-        x, y, cosine, sine = poses[i, 0], poses[i, 1], np.cos(poses[i, 2]), np.sin(poses[i, 2])
-        x1, y1, cosine1, sine1 = poses[i + 1, 0], poses[i + 1, 1], np.cos(poses[i + 1, 2]), np.sin(poses[i + 1, 2])
-        contact[i] = sweeps(x, y, cosine, sine, x1, y1, cosine1, sine1, half_length, half_width, walls, 0, n, scratch)
+        before = poses[i, 0], poses[i, 1], np.cos(poses[i, 2]), np.sin(poses[i, 2])
+        after = poses[i + 1, 0], poses[i + 1, 1], np.cos(poses[i + 1, 2]), np.sin(poses[i + 1, 2])
+        contact[i] = sweeps(before, after, (half_length, half_width), walls, (0, n), scratch)

@@ -61,8 +61,9 @@ def bearing(x, y):
 
 
 @helper
-def _face(x, y, cosine, sine, step, count, walls, first, last, scratch):
-    """Fill ``scratch`` with walls first..last-1 as the sensor sees them."""
+def _face(pose, step, count, walls, span, scratch):
+    """Fill ``scratch`` with the walls of a span as the sensor sees them."""
+    (x, y, cosine, sine), (first, last) = pose, span
     zero, one, turn = like(x, 0.0), like(x, 1.0), like(x, 6.283185307179586)
     rounding = like(x, _EDGE_ON) * like(x, np.finfo(walls.dtype).eps)
     beams = one / step
@@ -111,16 +112,15 @@ def _try(wall, begin, end, beams, scratch, fan):
 
 
 @helper
-def cast(x, y, cosine, sine, step, reach, beams, walls, first, last, scratch, fan, ranges):
-    """Write the range of each beam, m; ``reach`` (m, may be inf) where no wall is nearer.
+def cast(pose, optics, walls, span, scratch, fan, ranges):
+    """Write the range of each beam, m.
 
     Args:
-        x, y: of the sensor, m.
-        cosine, sine: direction of the FIRST beam; the others follow to the left.
-        step: between beams, rad.
-        reach: largest range, m.
-        beams: `beam_table` of that step, (2, m).
-        walls: x0, y0, x1, y1 in m, (4, n); walls first..last-1 are seen.
+        pose: (x, y, cosine, sine): the sensor's place, m, and the direction of the FIRST beam; the others follow to
+            the left.
+        optics: (step, reach, beams): angle between beams, rad, range that is told where no wall is nearer (m, may be
+            inf), and `beam_table` of that step, (2, m).
+        walls: x0, y0, x1, y1 in m, (4, n); those of ``span`` (first, last) are seen, the last not among them.
         scratch: (7, at least last - first), overwritten.
         fan: (m,), overwritten.
         ranges: (count,), the result.
@@ -128,12 +128,12 @@ def cast(x, y, cosine, sine, step, reach, beams, walls, first, last, scratch, fa
     A wall has no thickness: one whose line runs through the sensor to rounding is not seen. All floats
     and arrays have one precision. A pose that is not finite sees nothing.
     """
-    count = ranges.shape[0]
-    zero, one = like(x, 0.0), like(x, 1.0)
+    (step, reach, beams), (first, last), count = optics, span, ranges.shape[0]
+    zero, one = like(step, 0.0), like(step, 1.0)
     for i in range(beams.shape[1]):
         fan[i] = zero
-    _face(x, y, cosine, sine, step, like(x, count), walls, first, last, scratch)
-    turn = like(x, 6.283185307179586) / step
+    _face(pose, step, like(step, count), walls, span, scratch)
+    turn = like(step, 6.283185307179586) / step
     for wall in range(last - first):
         # One beam more at the end: the bearings are rounded, the signs of the cross products decide.
         end = scratch[LAST, wall]
@@ -156,6 +156,5 @@ def cast_many(poses, first_angle, step, reach, beams, walls, scratch, fan, range
     """
     for i in range(poses.shape[0]):
         angle = poses[i, 2] + first_angle
-        cosine, sine = np.cos(angle), np.sin(angle)
-        n = walls.shape[1]
-        cast(poses[i, 0], poses[i, 1], cosine, sine, step, reach, beams, walls, 0, n, scratch, fan, ranges[i])
+        pose = poses[i, 0], poses[i, 1], np.cos(angle), np.sin(angle)
+        cast(pose, (step, reach, beams), walls, (0, walls.shape[1]), scratch, fan, ranges[i])

@@ -149,19 +149,19 @@ def _judge_car(i, block, counted, world, settings, outcome, scratch):
     """Contact, progress, sensors' truth, reward and flags of car i after its sub-steps."""
     (walls, _, _, _), index = world
     which = counted[at.ROAD, i]
-    first, last = index[which, at.I_FIRST], index[which, at.I_END]
+    span = index[which, at.I_FIRST], index[which, at.I_END]
     zero, one = like(settings[0], 0.0), like(settings[0], 1.0)
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     ends, ignored = settings[at.DEPARTURE] == at.TERMINATE, settings[at.DEPARTURE] == at.OFF
     block[at.STEP, i] += one
-    touched = touch(i, block, walls, first, last, settings, scratch)
+    touched = touch(i, block, walls, span, settings, scratch)
     if touched and not ends:  # a wall holds the car where it was
         block[at.ALONG, i], block[at.LATERAL, i] = block[at.BEFORE, i], block[at.BEFORE + 1, i]
         block[at.HEADING, i] = block[at.BEFORE + 2, i]
         block[at.SPEED, i] = block[at.YAW_RATE, i] = block[at.SIDESLIP, i] = block[at.ACCELERATION, i] = zero
-        measure_clearance(i, block, walls, first, last, settings, scratch)
+        measure_clearance(i, block, walls, span, settings, scratch)
     read_encoder(i, block, settings)
-    look_around(i, block, walls, first, last, settings, scratch)
+    look_around(i, block, walls, span, settings, scratch)
     progress = _follow_line(i, block, counted, world, settings)
     counts = touched and not ignored
     rate = (block[at.STEER, i] - block[at.STEER_BEFORE, i]) / seconds
@@ -218,29 +218,30 @@ def _observe(span, cars, counters, world, settings, equipment, observation):
     begin = k * cars.shape[2]
     block, counted, seen = cars[k], counters[:, begin:], observation[begin:]
     sensors, _, _, _, numbers, beams, rows, fan, held = equipment
-    _see_walls(span, cars, counted, world, settings, numbers, (numbers, beams, rows, fan, held), seen)
+    _see_walls(span, cars, counters, world, settings, numbers, (numbers, beams, rows, fan, held), observation)
     gather(first, last, block, settings, seen)
     for i in range(first, last):
         measure(i, block, counted, settings, sensors, seen)
 
 
 @helper
-def _see_walls(span, cars, counted, world, settings, numbers, scan, seen):
+def _see_walls(span, cars, counters, world, settings, numbers, scan, observation):
     """Take the scans whose time has come and show the last; ``numbers`` is None without a scan."""
     if numbers is not None:
         k, begin, end = span
         (walls, _, _, _), index = world
-        block, held, column = cars[k], scan[4], np.int64(settings[at.FIRST_PREVIEW])
+        block, held, channel = cars[k], scan[4], np.int64(settings[at.FIRST_PREVIEW])
         for i in range(begin, end):
-            which, place = counted[at.ROAD, i], k * cars.shape[2] + i
+            column = k * cars.shape[2] + i
+            which = counters[at.ROAD, column]
             sine, cosine = sin_cos(block[at.HEADING, i])
             x = block[at.ALONG, i] + settings[at.FRONT_ARM] * cosine
             y = block[at.LATERAL, i] + settings[at.FRONT_ARM] * sine
-            first, glass = index[which, at.I_FIRST], index[which, at.I_GLASS]
-            renewed = take_scan(i, place, x, y, cosine, sine, block, counted, walls, first, glass, scan, k)
+            seen = index[which, at.I_FIRST], index[which, at.I_GLASS]
+            renewed = take_scan((k, i), (x, y, cosine, sine), cars, counters, walls, seen, scan)
             block[at.SCAN_NEW, i] = like(settings[0], 1.0 if renewed else 0.0)
             for beam in range(held.shape[1]):
-                seen[i, column + beam] = held[place, beam]
+                observation[column, channel + beam] = held[column, beam]
 
 
 @helper

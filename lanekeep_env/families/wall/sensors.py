@@ -15,38 +15,41 @@ NEAREST, FARTHEST, TANGENT = 0.03, 6.0, 0.41421356237309503
 
 
 @helper
-def look_around(i, block, walls, first, last, settings, scratch):
+def look_around(i, block, walls, span, settings, scratch):
     """Write the distances that the three ultrasonics would tell without a fault, m, NaN for no echo."""
     sine, cosine = sin_cos(block[at.HEADING, i])
     x, y = block[at.ALONG, i], block[at.LATERAL, i]
-    tangent, nearest, farthest = like(x, TANGENT), like(x, NEAREST), like(x, FARTHEST)
+    cone = like(x, TANGENT), like(x, NEAREST), like(x, FARTHEST)
     side, front = settings[at.SIDE_ARM], settings[at.FRONT_ARM]
     sx, sy = x + side * cosine, y + side * sine
     fx, fy = x + front * cosine, y + front * sine
-    block[at.RIGHT, i] = cone_distance(sx, sy, sine, -cosine, tangent, nearest, farthest, walls, first, last, scratch)
-    block[at.LEFT, i] = cone_distance(sx, sy, -sine, cosine, tangent, nearest, farthest, walls, first, last, scratch)
-    block[at.FRONT, i] = cone_distance(fx, fy, cosine, sine, tangent, nearest, farthest, walls, first, last, scratch)
+    block[at.RIGHT, i] = cone_distance((sx, sy, sine, -cosine), cone, walls, span, scratch)
+    block[at.LEFT, i] = cone_distance((sx, sy, -sine, cosine), cone, walls, span, scratch)
+    block[at.FRONT, i] = cone_distance((fx, fy, cosine, sine), cone, walls, span, scratch)
 
 
 @helper
-def measure_clearance(i, block, walls, first, last, settings, scratch):
+def _body(x, y, heading, settings):
+    """Pose of the middle of a car's body whose reference point is at (x, y)."""
+    sine, cosine = sin_cos(heading)
+    middle = settings[at.BODY]
+    return x + middle * cosine, y + middle * sine, cosine, sine
+
+
+@helper
+def measure_clearance(i, block, walls, span, settings, scratch):
     """Write how far car i's body is from the nearest wall."""
-    middle, half_length, half_width = settings[at.BODY], settings[at.BODY + 1], settings[at.BODY + 2]
-    sine, cosine = sin_cos(block[at.HEADING, i])
-    x, y = block[at.ALONG, i] + middle * cosine, block[at.LATERAL, i] + middle * sine
-    block[at.CLEARANCE, i] = clearance(x, y, cosine, sine, half_length, half_width, walls, first, last, scratch)
+    pose = _body(block[at.ALONG, i], block[at.LATERAL, i], block[at.HEADING, i], settings)
+    block[at.CLEARANCE, i] = clearance(pose, (settings[at.BODY + 1], settings[at.BODY + 2]), walls, span, scratch)
 
 
 @helper
-def touch(i, block, walls, first, last, settings, scratch):
+def touch(i, block, walls, span, settings, scratch):
     """Whether car i's body touched a wall in this control step; writes its clearance."""
-    measure_clearance(i, block, walls, first, last, settings, scratch)
-    middle, half_length, half_width = settings[at.BODY], settings[at.BODY + 1], settings[at.BODY + 2]
-    sine0, cosine0 = sin_cos(block[at.BEFORE + 2, i])
-    sine, cosine = sin_cos(block[at.HEADING, i])
-    x0, y0 = block[at.BEFORE, i] + middle * cosine0, block[at.BEFORE + 1, i] + middle * sine0
-    x, y = block[at.ALONG, i] + middle * cosine, block[at.LATERAL, i] + middle * sine
-    return sweeps(x0, y0, cosine0, sine0, x, y, cosine, sine, half_length, half_width, walls, first, last, scratch)
+    measure_clearance(i, block, walls, span, settings, scratch)
+    before = _body(block[at.BEFORE, i], block[at.BEFORE + 1, i], block[at.BEFORE + 2, i], settings)
+    after = _body(block[at.ALONG, i], block[at.LATERAL, i], block[at.HEADING, i], settings)
+    return sweeps(before, after, (settings[at.BODY + 1], settings[at.BODY + 2]), walls, span, scratch)
 
 
 @helper

@@ -54,10 +54,10 @@ def start_between_walls(place, wanted, cars, counters, world, settings, equipmen
     which = np.int64(uniform(key, DRAW_PLACE) * index.shape[0]) if np.isnan(wanted[3]) else np.int64(wanted[3])
     counted[at.ROAD, i] = which
     _place(i, key, which, wanted, block, world, settings, scratch)
-    first, last = index[which, at.I_FIRST], index[which, at.I_END]
-    look_around(i, block, walls, first, last, settings, scratch)
+    span = index[which, at.I_FIRST], index[which, at.I_END]
+    look_around(i, block, walls, span, settings, scratch)
     _set_off(i, key, block, settings, equipment[3])
-    measure_clearance(i, block, walls, first, last, settings, scratch)
+    measure_clearance(i, block, walls, span, settings, scratch)
     points = index[which, at.I_POINTS]
     counted[at.SEGMENT, i] = 0
     block[at.STATION, i] = like(settings[0], 0.0)
@@ -114,11 +114,11 @@ def _distance_right(i, which, block, world, scratch):
     there may be another wall nearer than the one on the right, or none in its range.
     """
     (walls, _, _, _), index = world
-    first, last = index[which, at.I_FIRST], index[which, at.I_END]
+    span = index[which, at.I_FIRST], index[which, at.I_END]
     sine, cosine = sin_cos(block[at.HEADING, i])
-    narrow, none, far = like(sine, 0.01), like(sine, 0.0), like(sine, np.inf)
-    x, y = block[at.ALONG, i], block[at.LATERAL, i]
-    right = np.float64(cone_distance(x, y, sine, -cosine, narrow, none, far, walls, first, last, scratch))
+    narrow = like(sine, 0.01), like(sine, 0.0), like(sine, np.inf)
+    pose = block[at.ALONG, i], block[at.LATERAL, i], sine, -cosine
+    right = np.float64(cone_distance(pose, narrow, walls, span, scratch))
     return FARTHEST if np.isinf(right) else right
 
 
@@ -126,38 +126,16 @@ def _distance_right(i, which, block, world, scratch):
 def _blocked(begin, pose, which, world, settings, scratch):
     """Whether a car cannot stand at a pose (x, y, heading), or a wall is between it and the world's own start."""
     (walls, _, _, _), index = world
-    first, last = index[which, at.I_FIRST], index[which, at.I_END]
+    span = index[which, at.I_FIRST], index[which, at.I_END]
     x, y, angle = pose
     middle, sine, cosine = np.float64(settings[at.BODY]), np.sin(angle), np.cos(angle)
     zero = like(settings[0], 0.0)
-    blocked = touches(
-        like(zero, x + middle * cosine),
-        like(zero, y + middle * sine),
-        like(zero, cosine),
-        like(zero, sine),
-        settings[at.BODY + 1],
-        settings[at.BODY + 2],
-        walls,
-        first,
-        last,
-    )
+    body = like(zero, x + middle * cosine), like(zero, y + middle * sine), like(zero, cosine), like(zero, sine)
+    blocked = touches(body, (settings[at.BODY + 1], settings[at.BODY + 2]), walls, span)
     # Beyond a wall lies another room, or none.
-    return blocked or sweeps(
-        like(zero, begin[0]),
-        like(zero, begin[1]),
-        like(zero, cosine),
-        like(zero, sine),
-        like(zero, x),
-        like(zero, y),
-        like(zero, cosine),
-        like(zero, sine),
-        zero,
-        zero,
-        walls,
-        first,
-        last,
-        scratch,
-    )
+    own = like(zero, begin[0]), like(zero, begin[1]), like(zero, cosine), like(zero, sine)
+    there = like(zero, x), like(zero, y), like(zero, cosine), like(zero, sine)
+    return blocked or sweeps(own, there, (zero, zero), walls, span, scratch)
 
 
 @helper

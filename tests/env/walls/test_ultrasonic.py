@@ -23,9 +23,8 @@ WIDE = {"kind": "circuit", "length": 80.0, "width": 80.0, "corridor": 20.0}
 def _measure(poses, tangent, nearest, farthest, walls, scratch, found):
     for i in range(poses.shape[0]):
         x, y, angle = poses[i, 0], poses[i, 1], poses[i, 2]
-        found[i] = cone_distance(
-            x, y, np.cos(angle), np.sin(angle), tangent, nearest, farthest, walls, 0, walls.shape[1], scratch
-        )
+        pose, cone = (x, y, np.cos(angle), np.sin(angle)), (tangent, nearest, farthest)
+        found[i] = cone_distance(pose, cone, walls, (0, walls.shape[1]), scratch)
 
 
 def measured(poses, walls, half=HALF, nearest=0.03, farthest=6.0):
