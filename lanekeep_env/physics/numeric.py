@@ -120,12 +120,11 @@ def sin_cos(x):
 def arctan(x):
     """Return atan(x); |error| < 1e-12 in float64."""
     one = like(x, 1.0)
-    # Not abs, whose slope at 0 is 0 for engines that differentiate; nor 1/size at 0, which is NaN for them.
-    sign = select(x >= like(x, 0.0), one, -one)
-    size = sign * x
+    # Engines that differentiate give abs the slope 0 at 0, and are lost where they meet 1/0 in any branch.
+    size = larger(-x, x)
     # |x| > 1: atan(x) = pi/2 - atan(1/x); then one step of pi/8 keeps the argument below tan(pi/8).
     large = size > one
-    folded = select(large, one, size) / select(large, size, one)
+    folded = smaller(one, size) / larger(one, size)
     shifted = folded > like(x, 0.4142135623730950)
     y = select(shifted, (folded - one) / (folded + one), folded)
     z = y * y
@@ -138,7 +137,8 @@ def arctan(x):
     p = p * z + like(x, -0.3333333327802739)
     p = p * z + like(x, 0.9999999999992657)
     angle = y * p + select(shifted, like(x, 0.7853981633974483), like(x, 0.0))
-    return sign * select(large, like(x, 1.5707963267948966) - angle, angle)
+    angle = select(large, like(x, 1.5707963267948966) - angle, angle)
+    return select(x >= like(x, 0.0), angle, -angle)
 
 
 @inline
