@@ -80,6 +80,21 @@ def _lower_select(context, builder, signature, arguments):
     return builder.select(condition, *values)
 
 
+def magnitude(x):
+    """Return |x|; engines that differentiate see the slope 1 at 0, where that of their ``abs`` is 0."""
+    return abs(x) if _is_number(x) else select(x < 0.0, -x, x)
+
+
+@type_callable(magnitude)
+def _type_magnitude(context):
+    return lambda x: x if isinstance(x, types.Float) else None
+
+
+@lower_builtin(magnitude, types.Float)
+def _lower_magnitude(context, builder, signature, arguments):
+    return builder.call(builder.module.declare_intrinsic("llvm.fabs", [arguments[0].type]), arguments)
+
+
 @inline
 def floor(x):
     """Return the largest whole number that is not above x."""
@@ -120,11 +135,11 @@ def sin_cos(x):
 def arctan(x):
     """Return atan(x); |error| < 1e-12 in float64."""
     one = like(x, 1.0)
-    # Engines that differentiate give abs the slope 0 at 0, and are lost where they meet 1/0 in any branch.
-    size = larger(-x, x)
+    size = magnitude(x)
     # |x| > 1: atan(x) = pi/2 - atan(1/x); then one step of pi/8 keeps the argument below tan(pi/8).
     large = size > one
-    folded = smaller(one, size) / larger(one, size)
+    # The inner select keeps engines that differentiate from 1/0; the compiler drops it.
+    folded = select(large, one / select(large, size, one), size)
     shifted = folded > like(x, 0.4142135623730950)
     y = select(shifted, (folded - one) / (folded + one), folded)
     z = y * y

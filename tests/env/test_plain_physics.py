@@ -1,4 +1,4 @@
-"""The scalar physics as it is written, run by Python's floats, by NumPy's arrays and by JAX, against the compiled loops.
+"""The scalar physics as it is written, run by Python's floats, NumPy's arrays and JAX, against the compiled loops.
 
 A sub-step is written here once more from the public scalar functions, without lanes; what is compiled comes from the
 table of models.
@@ -12,13 +12,7 @@ import pytest
 
 from lanekeep_env import layout as at
 from lanekeep_env.physics import VEHICLES, models
-from lanekeep_env.physics.integrate import (
-    DRIVEN,
-    LARGEST_SIDESLIP,
-    LARGEST_SPEED,
-    LARGEST_YAW_RATE,
-    PACED,
-)
+from lanekeep_env.physics.integrate import DRIVEN, LARGEST_SIDESLIP, LARGEST_SPEED, LARGEST_YAW_RATE, PACED
 from lanekeep_env.physics.numeric import clip, larger, smaller, sqrt, wrapped
 from lanekeep_env.physics.steering import advance_gear, advance_steering
 
@@ -157,6 +151,16 @@ every_model = pytest.mark.parametrize("model", MODELS, ids=lambda model: model.n
 every_equipment = pytest.mark.parametrize("gear, floor", EQUIPMENT, ids=["plain", "behind-gear", "on-motor"])
 
 
+#: Every model's rates and both kinds of steering; JAX takes seconds to compile each.
+TRACED = [
+    (models.KINEMATIC, *EQUIPMENT[0]),
+    (models.LINEAR, *EQUIPMENT[0]),
+    (models.MAGIC_FORMULA, *EQUIPMENT[0]),
+    (models.POWERED, *EQUIPMENT[1]),
+    (models.FRONT_DRIVEN, *EQUIPMENT[2]),
+]
+
+
 def assert_same(found, expected):
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
@@ -198,8 +202,7 @@ def traced(jax, model, gear, floor):
     return run
 
 
-@every_equipment
-@every_model
+@pytest.mark.parametrize("model, gear, floor", TRACED, ids=lambda value: getattr(value, "name", ""))
 def test_jax_traces_many_substeps_and_their_gradients(model, gear, floor, jax):
     """The gradient of the last lateral error by the steering command, against compiled central differences."""
     lanes = drawn(2)
