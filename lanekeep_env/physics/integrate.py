@@ -14,11 +14,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import clip, larger, like, smaller, wrapped
+from lanekeep_env.physics.numeric import clip, larger, like, smaller, sqrt, wrapped
 from lanekeep_env.physics.steering import advance_gear, advance_steering
 
 #: A sideslip (rad, on linear tyres) and a yaw rate (rad/s) at which a car is held, so that numbers stay finite.
@@ -39,7 +37,7 @@ def _not_negative(x):
 def _profile_speed(along, speed_squared, slope):
     """Speed where the car is, m/s; ``along`` counts from the segment's start and is not negative."""
     squared = speed_squared + slope * along
-    return np.sqrt(_not_negative(squared))
+    return sqrt(_not_negative(squared))
 
 
 def named(name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

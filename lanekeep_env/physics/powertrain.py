@@ -10,7 +10,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import clip, larger, like
+from lanekeep_env.physics.numeric import clip, larger, like, select
 from lanekeep_env.physics.parameters import GRAVITY
 
 #: Below this speed a car stands, m/s.
@@ -48,14 +48,13 @@ def creep(v, drive):
     return drive[at.D_CREEP] * clip(like(v, 1.0) - v / drive[at.D_CREEP_SPEED], like(v, 0.0), like(v, 1.0))
 
 
-@helper
+@inline
 def choose_gear(v, drive):
     """Return the gear in which a car at ``v`` starts an episode: the lowest one well below the upshift speed."""
-    gears = np.int64(drive[at.D_GEARS])
-    for gear in range(gears):
-        if v * drive[at.D_RATIOS + gear] < 0.9 * drive[at.D_UP]:
-            return gear
-    return gears - 1
+    gear = last = np.int64(drive[at.D_GEARS]) - 1
+    for lower in range(last, -1, -1):
+        gear = select(v * drive[at.D_RATIOS + lower] < 0.9 * drive[at.D_UP], lower, gear)
+    return gear
 
 
 @helper

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lanekeep_env.compile import inline
-from lanekeep_env.physics.numeric import clip, like
+from lanekeep_env.physics.numeric import clip, like, select
 
 
 @inline
@@ -34,10 +34,10 @@ def advance_gear(motor, wheel, command, response, gain, largest_change, half_gap
     driven = clip(error * response, -largest_change, largest_change)  # motor and wheel together
     free = clip(error * gain, -largest_change, largest_change)  # the motor alone
     way = abs(free)
-    ahead = motor - wheel if error > zero else wheel - motor
+    ahead = select(error > zero, motor - wheel, wheel - motor)
     room = half_gap - ahead
-    share = clip(room / (way if way > zero else one), zero, one)
+    share = clip(room / select(way > zero, way, one), zero, one)
     behind = motor + share * free + (one - share) * driven
     alone = motor + clip((command - motor) * response, -largest_change, largest_change)
-    motor = alone if on_motor else behind
+    motor = select(on_motor, alone, behind)
     return motor, clip(wheel, motor - half_gap, motor + half_gap)

@@ -6,7 +6,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import clip, like
+from lanekeep_env.physics.numeric import clip, library, like, sqrt
 from lanekeep_env.randomness import derive, uniform
 
 # A lane's draws of one control step live under a key of their own; numbers of the draws of one sensor (a normal number
@@ -23,8 +23,9 @@ HELD, SEEN, OFFSET, BIAS, TRUTH = 0, 1, 2, 3, 4
 @inline
 def normal(key, counter):
     """Standard normal number (Box-Muller) from the draws ``counter`` and the next."""
-    radius = np.sqrt(-2.0 * np.log(1.0 - uniform(key, counter)))
-    return radius * np.cos(6.283185307179586 * uniform(key, counter + np.int64(1)))
+    first, second = uniform(key, counter), uniform(key, counter + np.int64(1))
+    radius = sqrt(-2.0 * library(first).log(1.0 - first))
+    return radius * library(second).cos(6.283185307179586 * second)
 
 
 @helper

@@ -6,7 +6,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import larger, like, smaller
+from lanekeep_env.physics.numeric import larger, like, select, smaller, sqrt
 
 #: Gap of a standing car (m) and time gap (s) of the speed that the cost asks for, and its braking, m/s².
 STANDING_GAP, TIME_GAP, BRAKING = 4.0, 1.5, 1.7
@@ -51,8 +51,7 @@ def move_on(i, way, seconds, lanes):
 def wanted_speed(set_speed, gap, stop):
     """Return the speed that the cost asks for, m/s: the set one, a time gap to the lead car, even braking to a stop."""
     zero, far = like(gap, 0.0), like(gap, at.FAR)
-    wanted = set_speed
     follow = larger((gap - like(gap, STANDING_GAP)) / like(gap, TIME_GAP), zero)
-    wanted = smaller(wanted, follow) if gap < far else wanted
-    brake = np.sqrt(like(gap, 2.0 * BRAKING) * larger(stop, zero))
-    return smaller(wanted, brake) if stop < far else wanted
+    wanted = select(gap < far, smaller(set_speed, follow), set_speed)
+    brake = sqrt(like(gap, 2.0 * BRAKING) * larger(stop, zero))
+    return select(stop < far, smaller(wanted, brake), wanted)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from lanekeep_env.compile import inline
-from lanekeep_env.physics.numeric import like
+from lanekeep_env.physics.numeric import larger, library, like, select, smaller
 
 
 @inline
@@ -14,7 +12,7 @@ def running_cost(d, steering_rate, reference_d, weight, reference_rate, cap):
     lateral = d / reference_d
     effort = steering_rate / reference_rate
     cost = lateral * lateral + weight * effort * effort
-    return cap if cost > cap else cost
+    return smaller(cap, cost)
 
 
 @inline
@@ -27,11 +25,11 @@ def judge(d, steering_rate, steps_left, seconds, half_lane, reference_d, weight,
     """
     zero, one = like(d, 0.0), like(d, 1.0)
     cost = running_cost(d, steering_rate, reference_d, weight, reference_rate, cap)
-    outside = zero if abs(d) <= half_lane else one  # so that NaN is outside
-    outside = zero if ignores else outside
-    terminated = outside if ends else zero
-    charged = cap * (one + (steps_left if steps_left > zero else zero)) if ends else cap
-    cost = charged if outside > zero else cost
+    outside = select(abs(d) <= half_lane, zero, one)  # so that NaN is outside
+    outside = select(ignores, zero, outside)
+    terminated = select(ends, outside, zero)
+    charged = select(ends, cap * (one + larger(steps_left, zero)), cap)
+    cost = select(outside > zero, charged, cost)
     return -cost * seconds, outside, terminated
 
 
@@ -44,8 +42,9 @@ def steady_turning(v, kappa, front, rear, mass, stiffness_front, stiffness_rear,
     inside a curve is a car that drives through the curve, not one that must first find it.
     """
     base = front + rear
-    if kinematic:
-        return np.arctan(base * kappa), np.arctan(rear * kappa), v * kappa
+    if kinematic:  # a fact of the model, not of the state
+        arctan = library(kappa).arctan
+        return arctan(base * kappa), arctan(rear * kappa), v * kappa
     force = mass * v * v * kappa / base
     slip_front = force * rear / stiffness_front
     slip_rear = force * front / stiffness_rear

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import inline
-from lanekeep_env.physics.numeric import like
+from lanekeep_env.physics.numeric import larger, like, select, smaller
 from lanekeep_env.tasks.lane_keeping import running_cost
 
 #: Codes of `lanekeep_env.Termination`.
@@ -20,9 +20,9 @@ def judge_following(d, steering_rate, steps_left, seconds, touches, reference_d,
     """
     zero, one = like(d, 0.0), like(d, 1.0)
     cost = running_cost(d, steering_rate, reference_d, weight, reference_rate, cap)
-    charged = cap * (one + (steps_left if steps_left > zero else zero)) if ends else cap
-    cost = charged if touches else cost
-    return -cost * seconds, like(d, CONTACT) if touches and ends else zero
+    charged = select(ends, cap * (one + larger(steps_left, zero)), cap)
+    cost = select(touches, charged, cost)
+    return -cost * seconds, select(touches & ends, like(d, CONTACT), zero)
 
 
 @inline
@@ -35,9 +35,9 @@ def judge_circuit(progress, steps_left, seconds, touches, done, largest_speed, e
     """
     zero, one, most = like(progress, 0.0), like(progress, 1.0), like(progress, at.LARGEST_CIRCUIT_COST)
     cost = one - progress / (largest_speed * seconds)
-    cost = most if cost > most else cost
-    charged = most * (one + (steps_left if steps_left > zero else zero)) if ends else most
-    cost = charged if touches else cost
-    ended = like(progress, FINISHED) if done else zero
-    ended = like(progress, CONTACT) if touches and ends else ended
+    cost = smaller(most, cost)
+    charged = select(ends, most * (one + larger(steps_left, zero)), most)
+    cost = select(touches, charged, cost)
+    ended = select(done, like(progress, FINISHED), zero)
+    ended = select(touches & ends, like(progress, CONTACT), ended)
     return -cost * seconds, ended

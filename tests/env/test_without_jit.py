@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import lanekeep_env  # noqa: F401
+from lanekeep_env import layout as at
 from lanekeep_env.physics import integrate, numeric, powertrain, single_track, steering, tyres
 from lanekeep_env.physics.numeric import like
 from lanekeep_env.sensing import camera, measure
@@ -59,12 +60,19 @@ STATE = (0.3, -0.05, 0.02, 0.1, 0.04, 23.0, 0.002, CAR)
 #: Slower than its own slip-speed floor.
 SLOW = (0.3, -0.05, 0.02, 0.1, 0.04, 0.1, 0.002, (*CAR[:-1], 0.3))
 DRIVE = np.linspace(0.5, 3.0, 40)
+#: Four gears.
+GEARS = DRIVE.copy()
+GEARS[at.D_GEARS], GEARS[at.D_UP] = 4, 300.0
+GEARS[at.D_RATIOS : at.D_RATIOS + 4] = 50.0, 35.0, 25.0, 20.0
 #: Calls of scalar functions with floats alone.
 CALLS = [
     (numeric.sin_cos, (0.7,)),
     (numeric.arctan, (-1.3,)),
     (numeric.wrapped, (7.0,)),
     (numeric.clip, (3.0, -1.0, 2.0)),
+    (numeric.floor, (-0.5,)),
+    (numeric.sqrt, (2.0,)),
+    (numeric.magnitude, (-0.5,)),
     (tyres.linear, (0.05, 8e4)),
     (tyres.magic_formula, (0.05, 8e4, 6e3)),
     (single_track.kinematic, STATE),
@@ -76,10 +84,14 @@ CALLS = [
     (single_track.magic_formula_outputs, (0.02, 0.1, 0.04, 23.0, CAR)),
     (steering.advance_steering, (0.1, 0.2, 0.3, 0.05)),
     (steering.advance_gear, (0.1, 0.08, 0.2, 0.3, 0.4, 0.05, 0.01, False)),
+    (steering.advance_gear, (0.1, 0.08, 0.2, 0.3, 0.4, 0.05, 0.01, True)),
     (integrate._profile_speed, (12.0, 400.0, -2.0)),
     (powertrain.engine_torque, (200.0, 0.4, DRIVE)),
     (powertrain.resistance, (20.0, 3.0, DRIVE, 1500.0)),
     (powertrain.creep, (0.5, DRIVE)),
+    (powertrain.choose_gear, (5.0, GEARS)),
+    (powertrain.choose_gear, (9.0, GEARS)),
+    (powertrain.choose_gear, (90.0, GEARS)),
     (camera._chord, (0.1, 0.01, 1e-4, 20.0)),
     (measure.normal, (np.uint64(5), np.int64(3))),
     (driving.wanted_speed, (20.0, 30.0, 15.0)),
@@ -101,6 +113,30 @@ def test_python_calls_scalar_functions_as_compiled_code_does(function, arguments
     assert not isinstance(called, np.ndarray)
 
 
+def spread(value):
+    """Two of each number and flag."""
+    if isinstance(value, tuple):
+        return tuple(map(spread, value))
+    return np.array([value, value]) if isinstance(value, float | bool) else value
+
+
+#: The camera looks along the road piece by piece, and the start asks which model it starts.
+BRANCHING = (camera._chord, lane_keeping.steady_turning)
+
+
+@pytest.mark.parametrize(
+    "function, arguments",
+    [call for call in CALLS if call[0] not in BRANCHING],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_scalar_functions_do_not_branch_on_data(function, arguments):
+    """An array of several has no truth of its own: a branch would raise, as it does for an engine that traces."""
+    with np.errstate(over="ignore"):
+        one, two = function(*arguments), function(*spread(arguments))
+    for single, double in zip(np.atleast_1d(one), two if isinstance(one, tuple) else [two], strict=True):
+        np.testing.assert_allclose(np.broadcast_to(double, 2), [single, single], rtol=1e-14, atol=1e-15)
+
+
 @pytest.mark.parametrize(
     "sample, expected",
     [(2.0, float), (np.float64(2.0), np.float64), (np.float32(2.0), np.float32), (2, float)],
@@ -114,6 +150,11 @@ def test_a_constant_takes_the_precision_of_its_sample(sample, expected):
         compiled = numba.njit(lambda x: like(x, 0.1))
         assert compiled(sample) == called
         assert compiled.nopython_signatures[0].return_type == kind
+
+
+def test_the_lowest_gear_below_the_upshift_speed_is_chosen():
+    """0.9 x 300 rad/s is 5.4 m/s in the first of these gears, 7.7 m/s in the second and 10.8 m/s in the third."""
+    assert [powertrain.choose_gear(v, GEARS) for v in (5.3, 5.5, 7.8, 10.9, 90.0)] == [0, 1, 2, 3, 3]
 
 
 def test_compiled_constants_need_a_floating_sample():

@@ -1,0 +1,217 @@
+"""The scalar physics as it is written, run by Python's floats, NumPy's arrays and JAX, against the compiled loops.
+
+A sub-step is written here once more from the public scalar functions, without lanes; what is compiled comes from the
+table of models.
+"""
+
+import dataclasses
+
+import numba
+import numpy as np
+import pytest
+
+from lanekeep_env import layout as at
+from lanekeep_env.physics import VEHICLES, models
+from lanekeep_env.physics.integrate import DRIVEN, LARGEST_SIDESLIP, LARGEST_SPEED, LARGEST_YAW_RATE, PACED
+from lanekeep_env.physics.numeric import clip, larger, smaller, sqrt, wrapped
+from lanekeep_env.physics.steering import advance_gear, advance_steering
+
+MODELS = [model for model in vars(models).values() if isinstance(model, models.CarModel)]
+STATE = (at.ALONG, at.LATERAL, at.HEADING, at.SIDESLIP, at.YAW_RATE)
+CHANGING = (*STATE, at.STEER, at.MOTOR, at.SPEED)
+H, LARGEST_SPEED_CHANGE = 0.005, 0.01  # s, m/s a sub-step
+N, STEPS = 48, 50
+#: Steering gear (half the gap in rad, whether the motor's angle is measured) and slip-speed floor (m/s).
+EQUIPMENT = [(None, None), ((0.01, 0.0), 0.4), ((0.01, 1.0), 0.4)]
+
+
+def drawn(seed):
+    """Cars at random, a row of the layout each (N,); the first stands on the path and drives straight along it."""
+    rng = np.random.default_rng(seed)
+    vehicles = [list(VEHICLES.values())[k] for k in rng.integers(len(VEHICLES), size=N)]
+    numbers = np.array([dataclasses.astuple(vehicle)[1:7] for vehicle in vehicles]).T
+    mass, inertia, front, rear, stiff_front, stiff_rear = numbers
+    base, load = front + rear, rng.uniform(0.3, 1.0, N) * 9.81 * mass / (front + rear)
+    speed = base * rng.uniform(0.0, 10.0, N)
+    cars = (front, rear, 1 / mass, 1 / inertia, stiff_front, stiff_rear, load * rear, load * front)
+    lanes = {at.CAR + k: row for k, row in enumerate(cars)}
+    spans = {
+        at.LATERAL: 0.5,
+        at.HEADING: 0.4,
+        at.SIDESLIP: 0.1,
+        at.YAW_RATE: 0.5,
+        at.STEER: 0.3,
+        at.COMMAND: 0.3,
+        at.CURVATURE: 0.05,
+        at.CURVATURE_SLOPE: 0.01,
+        at.PULL: 3.0,
+    }
+    lanes |= {row: rng.uniform(-span, span, N) for row, span in spans.items()}
+    for row in spans:
+        lanes[row][0] = 0.0
+    speed[0] = 5.0
+    return lanes | {
+        at.ALONG: rng.uniform(-1.0, 5.0, N),
+        at.MOTOR: lanes[at.STEER] + rng.uniform(-0.01, 0.01, N),
+        at.SPEED: speed,
+        at.SPEED_TARGET: speed + rng.uniform(-1.0, 1.0, N),
+        at.SPEED_SQUARED: speed**2,
+        at.SPEED_SQUARED_SLOPE: rng.uniform(-0.5, 1.0, N),
+        at.STEER_RESPONSE: rng.uniform(0.02, 1.0, N),
+        at.STEER_GAIN: rng.uniform(0.02, 1.0, N),
+        at.STEER_CHANGE: np.where(rng.random(N) < 0.5, rng.uniform(1e-4, 5e-3, N), 1e9),
+    }
+
+
+def compiled(model, gear, floor):
+    """Return a function of rows and a number of sub-steps: the compiled loop."""
+    advance = model.advance
+    settings = np.zeros(at.CHANNELS)
+    settings[at.STEP_TIME], settings[at.SPEED_CHANGE] = H, LARGEST_SPEED_CHANGE
+    gear = None if gear is None else np.array(gear)
+
+    @numba.njit
+    def loop(lanes, gear, floor, steps):
+        for _ in range(steps):
+            advance(lanes, at.COMMAND, settings, gear, floor)
+
+    def run(lanes, steps):
+        block = np.full((at.LANE_ROWS, N), np.nan)
+        for row, values in lanes.items():
+            block[row] = values
+        loop(block, gear, floor, steps)
+        return block[list(CHANGING)]
+
+    return run
+
+
+def steered(lane, gear):
+    """Motor and road-wheel angle in the middle and at the end of a sub-step."""
+    wheel, command = lane[at.STEER], lane[at.COMMAND]
+    response, change = lane[at.STEER_RESPONSE], lane[at.STEER_CHANGE]
+    if gear is None:
+        middle = advance_steering(wheel, command, response, change)
+        return lane[at.MOTOR], middle, advance_steering(middle, command, response, change)
+    half_gap, on_motor = gear
+    numbers = command, response, lane[at.STEER_GAIN], change, half_gap, on_motor > 0.0
+    motor, middle = advance_gear(lane[at.MOTOR], wheel, *numbers)
+    motor, end = advance_gear(motor, middle, *numbers)
+    return motor, middle, end
+
+
+def speeds(lane, pace):
+    """Speed at the start, in the middle and at the end of a sub-step, and what is kept of it."""
+    v = lane[at.SPEED]
+    if pace == DRIVEN:
+        middle, end = (clip(v + share * H * lane[at.PULL], 0.0, LARGEST_SPEED) for share in (0.5, 1.0))
+        return v, middle, end, end
+    squared = lane[at.SPEED_SQUARED] + lane[at.SPEED_SQUARED_SLOPE] * larger(lane[at.ALONG], 0.0)
+    profile = sqrt(larger(squared, 0.0))
+    if pace == PACED:
+        missing, most = smaller(lane[at.SPEED_TARGET], profile) - v, LARGEST_SPEED_CHANGE
+        middle, end = (smaller(v + clip(missing, -part, part), profile) for part in (0.5 * most, most))
+        return v, middle, end, end
+    middle, end = (larger(profile + share * H * lane[at.SPEED_SQUARED_SLOPE], 0.0) for share in (0.25, 0.5))
+    return profile, middle, end, v
+
+
+def substep(model, lane, gear, floor):
+    """The rows of a car a sub-step later, by classical Runge-Kutta."""
+    motor, steer_middle, steer_end = steered(lane, gear)
+    v, v_middle, v_end, kept = speeds(lane, model.pace)
+    car = (*(lane[at.CAR + k] for k in range(at.CAR_SIZE)), floor)
+    begin = [lane[row] for row in STATE]
+
+    def rates(share, before, steer, v):
+        along, *rest = (x + share * H * rate for x, rate in zip(begin, before, strict=True))
+        kappa = lane[at.CURVATURE] + lane[at.CURVATURE_SLOPE] * larger(along, 0.0)
+        return model.rates(*rest, steer, v, kappa, car)
+
+    k1 = rates(0.0, [0.0] * 5, lane[at.STEER], v)
+    k2 = rates(0.5, k1, steer_middle, v_middle)
+    k3 = rates(0.5, k2, steer_middle, v_middle)
+    k4 = rates(1.0, k3, steer_end, v_end)
+    along, lateral, heading, beta, yaw_rate = (
+        x + H / 6.0 * (a + 2.0 * (b + c) + d) for x, a, b, c, d in zip(begin, k1, k2, k3, k4, strict=True)
+    )
+    beta = wrapped(beta) if model.saturates else clip(beta, -LARGEST_SIDESLIP, LARGEST_SIDESLIP)
+    yaw_rate = clip(yaw_rate, -LARGEST_YAW_RATE, LARGEST_YAW_RATE)
+    after = along, lateral, heading, beta, yaw_rate, steer_end, motor, kept
+    return lane | dict(zip(CHANGING, after, strict=True))
+
+
+def driven_by_floats(model, lanes, gear, floor):
+    """The rows after a sub-step, car by car, with Python's floats alone."""
+    cars = [{row: float(values[k]) for row, values in lanes.items()} for k in range(N)]
+    after = [substep(model, car, gear, floor) for car in cars]
+    return np.array([[car[row] for car in after] for row in CHANGING])
+
+
+every_model = pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
+every_equipment = pytest.mark.parametrize("gear, floor", EQUIPMENT, ids=["plain", "behind-gear", "on-motor"])
+
+
+#: Every model's rates and both kinds of steering; JAX takes seconds to compile each.
+TRACED = [
+    (models.KINEMATIC, *EQUIPMENT[0]),
+    (models.LINEAR, *EQUIPMENT[0]),
+    (models.MAGIC_FORMULA, *EQUIPMENT[0]),
+    (models.POWERED, *EQUIPMENT[1]),
+    (models.FRONT_DRIVEN, *EQUIPMENT[2]),
+]
+
+
+def assert_same(found, expected):
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+
+
+def test_all_models_are_compared():
+    rates = {model.rates.__name__ for model in MODELS}
+    assert rates == {"kinematic", "front_driven", "dynamic_linear", "dynamic_magic_formula"}
+
+
+@every_equipment
+@every_model
+def test_a_substep_by_floats_and_by_arrays_is_the_compiled_one(model, gear, floor):
+    """Arrays know no truth of their own: a branch on data would raise."""
+    lanes = drawn(1)
+    expected = compiled(model, gear, floor)(lanes, 1)
+    assert_same(driven_by_floats(model, lanes, gear, floor), expected)
+    after = substep(model, lanes, gear, floor)
+    assert_same([np.broadcast_to(after[row], N) for row in CHANGING], expected)
+
+
+@pytest.fixture(scope="module")
+def jax():
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    return jax
+
+
+def traced(jax, model, gear, floor):
+    """Return the rows after `STEPS` sub-steps as a function of rows and commands, for JAX to transform."""
+
+    def run(command, lanes):
+        def step(lane, _):
+            return substep(model, lane, gear, floor), None
+
+        lanes = jax.tree.map(jax.numpy.asarray, lanes | {at.COMMAND: command})
+        after, _ = jax.lax.scan(step, lanes, length=STEPS)
+        return after
+
+    return run
+
+
+@pytest.mark.parametrize("model, gear, floor", TRACED, ids=lambda value: getattr(value, "name", ""))
+def test_jax_traces_many_substeps_and_their_gradients(model, gear, floor, jax):
+    """The gradient of the last lateral error by the steering command, against compiled central differences."""
+    lanes = drawn(2)
+    many, plain = traced(jax, model, gear, floor), compiled(model, gear, floor)
+    after = jax.jit(many)(lanes[at.COMMAND], lanes)
+    assert_same([after[row] for row in CHANGING], plain(lanes, STEPS))
+    gradient = jax.jit(jax.grad(lambda command, lanes: many(command, lanes)[at.LATERAL].sum()))
+    found = np.asarray(gradient(lanes[at.COMMAND], lanes))
+    step = 1e-6
+    up, down = (plain(lanes | {at.COMMAND: lanes[at.COMMAND] + change}, STEPS)[1] for change in (step, -step))
+    assert np.isfinite(found).all() and (found != 0.0).any()
+    np.testing.assert_allclose(found, (up - down) / (2.0 * step), rtol=1e-5, atol=1e-7)
