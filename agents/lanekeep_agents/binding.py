@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib import import_module
 from typing import Any, Protocol
 
 import numpy as np
@@ -139,9 +138,8 @@ def trained_scenario(record: PolicyRecord, allow_files: bool = False) -> Scenari
     """Build the scenario that a policy was trained on; a file that it names is only read where that is allowed."""
     if not allow_files:
         refuse_files(record)
-    module, environment = ENVIRONMENTS[record.env_id][0].split(":")
     try:
-        return getattr(import_module(module), environment).scenario_class.from_keywords(**record.scenario)
+        return ENVIRONMENTS[record.env_id].scenario.from_keywords(**record.scenario)
     except (TypeError, ValueError, ArithmeticError) as error:
         raise ValueError(
             f"policy {record.name!r}: scenario is not one of {record.env_id} ({one_line(error)})"
