@@ -224,13 +224,12 @@ def test_kernels_are_imported_with_the_first_environment():
     """An import of the package, and of all pages, needs none of the modules with kernels."""
     code = (
         "import sys, pkgutil, lanekeep_env\n"
-        "def loaded(): return [name for name in sys.modules if name.startswith('lanekeep_env.envs.')]\n"
-        "assert loaded() == ['lanekeep_env.envs.termination'], loaded()\n"
         "for row in lanekeep_env.ENVIRONMENTS.values(): pkgutil.resolve_name(row.page)\n"
-        "assert not any('kernel' in name or 'lanes' in name for name in loaded()), loaded()\n"
+        "print(*(name for name in sys.modules if name.startswith('lanekeep_env.envs.')))\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "lanekeep_env.envs.lane_keep" in loaded
+    assert "kernel" not in loaded and "lanes" not in loaded
 
 
 @pytest.mark.parametrize("name", IDS)
