@@ -148,6 +148,6 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
             "is_success": success > 0.0,
             "termination": int(ended),
         }
-        for name, row in self.further.items():
+        for name, row in self.further:
             info[name] = told[row]
         return info

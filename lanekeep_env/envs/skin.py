@@ -23,8 +23,8 @@ class Skin:
     """
 
     scenario_class: type[CarScenario]
-    #: Truth in the infos beside what all families tell, by name, and its row in the outcome.
-    further: ClassVar[dict[str, int]] = {}
+    #: Truth in the infos beside what all families tell, its name and its row in the outcome.
+    further: ClassVar[tuple[tuple[str, int], ...]] = ()
     scenario: Any
     _core: Any
 

@@ -25,16 +25,16 @@ _AUTORESET = {
 #: Lanes of one environment: what they take is within a few GB.
 MOST_LANES = 1_000_000
 _OWN_KEYWORDS = ("max_episode_steps", "autoreset_mode", "dtype", "num_threads", "render_mode")
-#: Truth in the infos by name, and its row in the outcome.
-_TRUTH = {
-    "lateral_error": at.O_LATERAL_ERROR,
-    "heading_error": at.O_HEADING_ERROR,
-    "lateral_acceleration": at.O_LATERAL_ACCELERATION,
-    "steering_rate": at.O_STEERING_RATE,
-    "speed": at.O_SPEED,
-    "arc_length": at.O_ARC_LENGTH,
-    "cost": at.O_COST,
-}
+#: Truth in the infos of every family: its name and its row in the outcome.
+_TRUTH = (
+    ("lateral_error", at.O_LATERAL_ERROR),
+    ("heading_error", at.O_HEADING_ERROR),
+    ("lateral_acceleration", at.O_LATERAL_ACCELERATION),
+    ("steering_rate", at.O_STEERING_RATE),
+    ("speed", at.O_SPEED),
+    ("arc_length", at.O_ARC_LENGTH),
+    ("cost", at.O_COST),
+)
 
 
 class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -223,7 +223,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _infos(self, outcome: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
         infos: dict[str, Any] = {}
-        for name, row in (_TRUTH | self.further).items():
+        for name, row in (*_TRUTH, *self.further):
             infos[name] = outcome[row]
             infos["_" + name] = mask
         infos["is_success"] = outcome[at.O_SUCCESS] > 0.0

@@ -15,13 +15,13 @@ class BetweenWalls(Skin):
     """What environments between walls share, single or vector."""
 
     scenario_class: type[WallFollowScenario]
-    further: ClassVar[dict[str, int]] = {
-        "x": at.O_X,
-        "y": at.O_Y,
-        "distance": at.O_DISTANCE,
-        "clearance": at.O_CLEARANCE,
-        "lap_time": at.O_LAP_TIME,
-    }
+    further: ClassVar[tuple[tuple[str, int], ...]] = (
+        ("x", at.O_X),
+        ("y", at.O_Y),
+        ("distance", at.O_DISTANCE),
+        ("clearance", at.O_CLEARANCE),
+        ("lap_time", at.O_LAP_TIME),
+    )
 
     @staticmethod
     def make_lanes(*arguments: Any) -> Any:
