@@ -1,70 +1,66 @@
-"""One row an environment id."""
+"""One row an environment id; its vector form, length and options follow from what the row names."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from gymnasium.envs.registration import register, registry
 
-#: id: (single environment, vector environment, control steps of an episode)
-ENVIRONMENTS: dict[str, tuple[str, str, int]] = {
-    "lanekeep/LaneKeep-v0": (
-        "lanekeep_env.envs.lane_keep:LaneKeepEnv",
-        "lanekeep_env.envs.lane_keep_vector:LaneKeepVectorEnv",
-        600,
-    ),
-    "lanekeep/RoadWorks-v0": (
-        "lanekeep_env.envs.road_works:RoadWorksEnv",
-        "lanekeep_env.envs.road_works:RoadWorksVectorEnv",
-        600,
-    ),
-    "lanekeep/CameraLane-v0": (
-        "lanekeep_env.envs.camera_lane:CameraLaneEnv",
-        "lanekeep_env.envs.camera_lane:CameraLaneVectorEnv",
-        1000,
-    ),
-    "lanekeep/TurnOff-v0": (
-        "lanekeep_env.envs.camera_lane:TurnOffEnv",
-        "lanekeep_env.envs.camera_lane:TurnOffVectorEnv",
-        1500,
-    ),
-    "lanekeep/Evasive-v0": (
-        "lanekeep_env.envs.evasive:EvasiveEnv",
-        "lanekeep_env.envs.evasive:EvasiveVectorEnv",
-        300,
-    ),
-    "lanekeep/ReversePath-v0": (
-        "lanekeep_env.envs.evasive:ReversePathEnv",
-        "lanekeep_env.envs.evasive:ReversePathVectorEnv",
-        1500,
-    ),
-    "lanekeep/Drive-v0": (
-        "lanekeep_env.envs.drive:DriveEnv",
-        "lanekeep_env.envs.drive:DriveVectorEnv",
-        3000,
-    ),
-    "lanekeep/WallFollow-v0": (
-        "lanekeep_env.envs.wall_follow:WallFollowEnv",
-        "lanekeep_env.envs.wall_follow:WallFollowVectorEnv",
-        600,
-    ),
-    "lanekeep/Circuit-v0": (
-        "lanekeep_env.envs.wall_follow:CircuitEnv",
-        "lanekeep_env.envs.wall_follow:CircuitVectorEnv",
-        1800,
-    ),
+from lanekeep_env.scenario import (
+    CameraLaneScenario,
+    CircuitScenario,
+    DriveScenario,
+    EvasiveScenario,
+    LaneKeepScenario,
+    ReversePathScenario,
+    RoadWorksScenario,
+    TurnOffScenario,
+    WallFollowScenario,
+)
+from lanekeep_env.scenario.car import CarScenario
+
+
+class Row(NamedTuple):
+    """What an id stands for.
+
+    Attributes:
+        scenario: whose fields are the keywords of ``gym.make``, and whose `episode_steps` is the length.
+        page: "module:class" of the single environment, which is not imported before the first ``gym.make``.
+    """
+
+    scenario: type[CarScenario]
+    page: str
+
+    @property
+    def vector(self) -> str:
+        """Where its vector form is, "module:class"."""
+        return f"lanekeep_env.envs.vector_twins:{self.page.partition(':')[2].removesuffix('Env')}VectorEnv"
+
+
+ENVIRONMENTS: dict[str, Row] = {
+    "lanekeep/LaneKeep-v0": Row(LaneKeepScenario, "lanekeep_env.envs.lane_keep:LaneKeepEnv"),
+    "lanekeep/RoadWorks-v0": Row(RoadWorksScenario, "lanekeep_env.envs.road_works:RoadWorksEnv"),
+    "lanekeep/CameraLane-v0": Row(CameraLaneScenario, "lanekeep_env.envs.camera_lane:CameraLaneEnv"),
+    "lanekeep/TurnOff-v0": Row(TurnOffScenario, "lanekeep_env.envs.camera_lane:TurnOffEnv"),
+    "lanekeep/Evasive-v0": Row(EvasiveScenario, "lanekeep_env.envs.evasive:EvasiveEnv"),
+    "lanekeep/ReversePath-v0": Row(ReversePathScenario, "lanekeep_env.envs.evasive:ReversePathEnv"),
+    "lanekeep/Drive-v0": Row(DriveScenario, "lanekeep_env.envs.drive:DriveEnv"),
+    "lanekeep/WallFollow-v0": Row(WallFollowScenario, "lanekeep_env.envs.wall_follow:WallFollowEnv"),
+    "lanekeep/Circuit-v0": Row(CircuitScenario, "lanekeep_env.envs.wall_follow:CircuitEnv"),
 }
 
 
 def register_all() -> None:
     """Register every environment with Gymnasium; a second call changes nothing."""
-    for name, (single, vector, steps) in ENVIRONMENTS.items():
+    for name, row in ENVIRONMENTS.items():
         if name not in registry:
             # The environments themselves refuse a step before reset and a wrong action, at each step; the
             # wrappers that Gymnasium would add for that cost more than a tenth of a step.
             register(
                 name,
-                entry_point=single,
-                vector_entry_point=vector,
-                max_episode_steps=steps,
+                entry_point=row.page,
+                vector_entry_point=row.vector,
+                max_episode_steps=row.scenario.episode_steps,
                 order_enforce=False,
                 disable_env_checker=True,
             )

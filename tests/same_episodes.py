@@ -28,7 +28,7 @@ class Findings:
     def add(self, kind: str, case: Case, what: object) -> None:
         """Count a case and, unless it is equal, show it at once."""
         self.count[kind] += 1
-        if kind not in ("equal", "refused"):
+        if kind not in ("equal", "refused", "new id"):
             print(f"{kind}: {case}: {what}", flush=True)
 
     def lone_names(self, case: Case, side: str, names: set[str]) -> None:
@@ -43,6 +43,7 @@ class Findings:
         return (
             f"{sum(n.values())} cases: {equal} equal ({n['refused'] + n['message changed']} of them refused by both, "
             f"{n['message changed']} in other words), {n['last bit']} last bit, {n['different']} different"
+            + (f", {n['new id']} of ids that old has not" if n["new id"] else "")
         )
 
 
@@ -50,7 +51,9 @@ def judge(case: Case, old: Worker, new: Worker, findings: Findings) -> None:
     """Drive a case in both checkouts and say how they differ."""
     before, after = both(old, new, case)
     if isinstance(before, str) or isinstance(after, str):
-        if not (isinstance(before, str) and isinstance(after, str)):
+        if isinstance(before, str) and before.startswith("NameNotFound") and not isinstance(after, str):
+            findings.add("new id", case, before)
+        elif not (isinstance(before, str) and isinstance(after, str)):
             told = f"old raises {before}" if isinstance(before, str) else f"new raises {after}"
             findings.add("different", case, told)
         elif before != after:

@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING, Any
 from lanekeep_env.checks import nearest, shown
 
 if TYPE_CHECKING:
-    from lanekeep_agents.binding import Scenario
     from lanekeep_agents.learned import LearnedPolicy
     from lanekeep_agents.policy_record import PolicyRecord
     from lanekeep_agents.vec_env import LaneVecEnv
+    from lanekeep_env.scenario.car import CarScenario
 
 __all__ = ["load", "names", "save", "sb3_vec_env", "train"]
 
 
-def names(scenario: Scenario | None = None) -> tuple[str, ...]:
+def names(scenario: CarScenario | None = None) -> tuple[str, ...]:
     """Return the names of the policies that are shipped, or those of them that can drive ``scenario``."""
     shipped = tuple(sorted(file.stem for file in _zoo().glob("*.json")))
     if scenario is None:
@@ -31,7 +31,7 @@ def names(scenario: Scenario | None = None) -> tuple[str, ...]:
     return tuple(name for name in shipped if _drives(name, scenario))
 
 
-def _drives(name: str, scenario: Scenario) -> bool:
+def _drives(name: str, scenario: CarScenario) -> bool:
     from lanekeep_agents.binding import Binding
     from lanekeep_agents.policy_file import read_record
 
@@ -42,7 +42,7 @@ def _drives(name: str, scenario: Scenario) -> bool:
         return False
 
 
-def load(name_or_path: str | Path, scenario: Scenario | None = None, *, allow_files: bool = False) -> LearnedPolicy:
+def load(name_or_path: str | Path, scenario: CarScenario | None = None, *, allow_files: bool = False) -> LearnedPolicy:
     """Load a learned policy; nothing in its files is executed, and no other file is read.
 
     Args:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from importlib import import_module
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,34 +12,7 @@ from lanekeep_agents.foreign import one_line, refuse_files
 from lanekeep_agents.policy_record import InputChannel, PolicyRecord
 from lanekeep_env import ENVIRONMENTS
 from lanekeep_env.checks import shown
-
-
-class DescribedChannel(Protocol):
-    """One entry of the observation."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def description(self) -> str: ...
-
-
-class Scenario(Protocol):
-    """What a learned policy must know of the scenario that it drives; `lanekeep_env.scenario` tells units."""
-
-    @property
-    def channels(self) -> Sequence[DescribedChannel]: ...
-    @property
-    def num_actions(self) -> int: ...
-    @property
-    def control_step(self) -> float: ...
-    @property
-    def action(self) -> str: ...
-    @property
-    def max_steering_angle(self) -> float: ...
-    @property
-    def max_steering_rate(self) -> float: ...
+from lanekeep_env.scenario.car import CarScenario
 
 
 class Binding:
@@ -62,7 +32,7 @@ class Binding:
             another number of actions.
     """
 
-    def __init__(self, record: PolicyRecord, scenario: Scenario | None = None, *, allow_files: bool = False) -> None:
+    def __init__(self, record: PolicyRecord, scenario: CarScenario | None = None, *, allow_files: bool = False) -> None:
         if scenario is None:
             scenario = trained_scenario(record, allow_files)
         if not hasattr(scenario, "channels"):
@@ -99,10 +69,9 @@ class Binding:
         except (ValueError, ArithmeticError) as error:
             raise ValueError(f"policy {record.name!r}: base={shown(record.base)}: {one_line(error)}") from None
 
-    def _base_scenario(self) -> Any:
+    def _base_scenario(self) -> CarScenario:
         """The scenario with the action trained on, so that both meanings of the base, input and sum, stay the same."""
-        record = self._record
-        scenario: Any = self._scenario
+        record, scenario = self._record, self._scenario
         if not self._converts:
             return scenario
         return replace(
@@ -135,20 +104,19 @@ class Binding:
         return converted
 
 
-def trained_scenario(record: PolicyRecord, allow_files: bool = False) -> Scenario:
+def trained_scenario(record: PolicyRecord, allow_files: bool = False) -> CarScenario:
     """Build the scenario that a policy was trained on; a file that it names is only read where that is allowed."""
     if not allow_files:
         refuse_files(record)
-    module, environment = ENVIRONMENTS[record.env_id][0].split(":")
     try:
-        return getattr(import_module(module), environment).scenario_class.from_keywords(**record.scenario)
+        return ENVIRONMENTS[record.env_id].scenario.from_keywords(**record.scenario)
     except (TypeError, ValueError, ArithmeticError) as error:
         raise ValueError(
             f"policy {record.name!r}: scenario is not one of {record.env_id} ({one_line(error)})"
         ) from None
 
 
-def _check(record: PolicyRecord, scenario: Scenario) -> None:
+def _check(record: PolicyRecord, scenario: CarScenario) -> None:
     for field, trained, found in (
         ("actions", record.actions, scenario.num_actions),
         ("control_step", record.control_step, scenario.control_step),
@@ -160,7 +128,7 @@ def _check(record: PolicyRecord, scenario: Scenario) -> None:
             )
 
 
-def _column(record: PolicyRecord, wanted: InputChannel, scenario: Scenario, order: dict[str, int]) -> int:
+def _column(record: PolicyRecord, wanted: InputChannel, scenario: CarScenario, order: dict[str, int]) -> int:
     """The column of a channel that means the same."""
     if wanted.name not in order:
         raise ValueError(
@@ -177,7 +145,7 @@ def _column(record: PolicyRecord, wanted: InputChannel, scenario: Scenario, orde
     return order[wanted.name]
 
 
-def _same_action(record: PolicyRecord, scenario: Scenario) -> bool:
+def _same_action(record: PolicyRecord, scenario: CarScenario) -> bool:
     """Whether an action asks both scenarios for the same."""
     fields = ["action", "max_steering_angle"]
     if record.action == "steering_rate":

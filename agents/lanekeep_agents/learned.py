@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lanekeep_agents.binding import Binding, Scenario
+from lanekeep_agents.binding import Binding
 from lanekeep_agents.policy_file import check_tensors
 from lanekeep_agents.policy_record import PolicyRecord
+from lanekeep_env.scenario.car import CarScenario
 
 #: Rows of a matrix product. BLAS lets the number of rows, and a row's place among them, choose the order of additions;
 #: its kernels treat eight rows alike, so that rows are independent of each other to the last bit.
@@ -37,7 +38,7 @@ class LearnedPolicy:
         self,
         record: PolicyRecord,
         tensors: Mapping[str, NDArray[np.float32]],
-        scenario: Scenario | None = None,
+        scenario: CarScenario | None = None,
         *,
         allow_files: bool = False,
     ) -> None:

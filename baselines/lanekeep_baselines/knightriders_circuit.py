@@ -28,11 +28,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import DrivingPolicy, DrivingScenario, Floats
-from lanekeep_baselines.scan_features import ScanReader, ScanRecord, WallEnd
+from lanekeep_baselines.scan_features import ScanReader, WallEnd
 from lanekeep_baselines.wall_cascade import LARGEST_HEADING
 from lanekeep_baselines.wall_control import Cascade, Measured
 from lanekeep_baselines.wall_design import WallCar
 from lanekeep_baselines.wall_estimator import HALF_CONE, WallFilter, WallNoise
+from lanekeep_env.scenario import Scan
 from lanekeep_env.sensing.faults import Sensor, Sensors
 
 _RIGHT_ANGLE = 0.5 * np.pi
@@ -46,7 +47,7 @@ class CircuitDrive(DrivingScenario, Protocol):
     """What the controller may know; `lanekeep_env.CircuitScenario` is one."""
 
     @property
-    def scan(self) -> ScanRecord: ...
+    def scan(self) -> Scan: ...
     @property
     def sensors(self) -> Sensors: ...
 

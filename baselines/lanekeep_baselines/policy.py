@@ -15,15 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from lanekeep_baselines.declared import Declared
 from lanekeep_env.physics.parameters import VehicleParameters
+from lanekeep_env.scenario import Channel
 
 Floats = NDArray[np.float64]
-
-
-class NamedChannel(Protocol):
-    """One entry of the observation; only its name matters here."""
-
-    @property
-    def name(self) -> str: ...
 
 
 class Scenario(Protocol):
@@ -35,7 +29,7 @@ class Scenario(Protocol):
     @property
     def vehicle(self) -> VehicleParameters: ...
     @property
-    def channels(self) -> Sequence[NamedChannel]: ...
+    def channels(self) -> Sequence[Channel]: ...
     @property
     def control_step(self) -> float: ...
     @property

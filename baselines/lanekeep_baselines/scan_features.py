@@ -10,29 +10,13 @@ Angles and places count in the leg's frame, from the camera: along the walls and
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats
-
-
-class ScanRecord(Protocol):
-    """What is known of a scan; `lanekeep_env.scenario.walls.Scan` is one."""
-
-    @property
-    def beams(self) -> int: ...
-    @property
-    def field_of_view(self) -> float: ...
-    @property
-    def step(self) -> float: ...
-    @property
-    def noise(self) -> float: ...
-    @property
-    def missing_every(self) -> int: ...
-    @property
-    def jump_errors(self) -> float: ...
+from lanekeep_env.scenario import Scan
 
 
 class WallEnd(NamedTuple):
@@ -69,7 +53,7 @@ class ScanReader:
     #: Half the angle around the leg's direction whose beams measure the wall ahead, rad.
     AHEAD = float(np.deg2rad(2.5))
 
-    def __init__(self, scan: ScanRecord) -> None:
+    def __init__(self, scan: Scan) -> None:
         self.channels = tuple(f"scan_{k}" for k in range(scan.beams))
         self._angles = (np.arange(scan.beams) * scan.step - 0.5 * scan.field_of_view)[:, None]
         faulty = scan.noise > 0.0 or scan.missing_every > 0 or scan.jump_errors > 0.0

@@ -13,23 +13,17 @@ from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats, Scenario, SteeringPolicy
 from lanekeep_baselines.traechtler_model import CameraModel
+from lanekeep_env.scenario import Camera
 
 #: Time constant of the D part's filter, s; far below that of the closed loop, (l + f)/v.
 FILTER = 0.1
-
-
-class _Camera(Protocol):
-    @property
-    def look_ahead(self) -> float: ...
-    @property
-    def edge(self) -> str: ...
 
 
 class CameraScenario(Scenario, Protocol):
     """What a camera-guided controller may know besides; `lanekeep_env.CameraLaneScenario` is one."""
 
     @property
-    def camera(self) -> _Camera: ...
+    def camera(self) -> Camera: ...
     @property
     def set_distance(self) -> float: ...
 

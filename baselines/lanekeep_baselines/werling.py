@@ -188,7 +188,7 @@ class WerlingDrive(WerlingLateralAhead):
         self._integrator = AccelerationIntegrator(self.integration, scenario.control_step)
         self.memory = self._laws.memory + self._integrator.memory
         self._train, self._mass = scenario.powertrain, scenario.vehicle.mass
-        self._far = next(c.high for c in scenario.channels if c.name == "lead_gap")  # type: ignore[attr-defined]
+        self._far = next(c.high for c in scenario.channels if c.name == "lead_gap")
         train = self._train
         speeds = np.linspace(train.idle_speed, train.idle_speed + 600.0, 60)
         # Never quite nothing: an engine without drag has no inverse where the throttle does nothing.

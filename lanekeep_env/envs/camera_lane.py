@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from lanekeep_env.envs.lane_keep import LaneKeepEnv
-from lanekeep_env.envs.lane_keep_vector import LaneKeepVectorEnv
+from lanekeep_env.envs.road_env import RoadEnv
 from lanekeep_env.scenario import CameraLaneScenario, TurnOffScenario
 
 
-class CameraLaneEnv(LaneKeepEnv):
+class CameraLaneEnv(RoadEnv):
     """
     ## Description
 
@@ -52,8 +51,8 @@ class CameraLaneEnv(LaneKeepEnv):
 
     ## Episode End
 
-    Terminates when the rear axle is more than half a `lane_width` (3 m) from the lane's centre. Truncated after 1,000
-    control steps of 0.04 s (a PAL camera's 25 pictures a second).
+    Terminates when the rear axle is more than half a `lane_width` (3 m) from the lane's centre. Truncated after
+    `episode_steps` control steps of 0.04 s (a PAL camera's 25 pictures a second).
 
     ## Arguments
 
@@ -78,13 +77,7 @@ class CameraLaneEnv(LaneKeepEnv):
     scenario_class = CameraLaneScenario
 
 
-class CameraLaneVectorEnv(LaneKeepVectorEnv):
-    """Vector form of `CameraLaneEnv`; arguments are those of `LaneKeepVectorEnv` and `CameraLaneScenario`."""
-
-    scenario_class = CameraLaneScenario
-
-
-class TurnOffEnv(LaneKeepEnv):
+class TurnOffEnv(RoadEnv):
     """
     ## Description
 
@@ -103,8 +96,8 @@ class TurnOffEnv(LaneKeepEnv):
 
     ## Episode End
 
-    Terminates when the rear axle is more than half a `lane_width` (3 m) from the lane's centre. Truncated after 1,500
-    control steps of 0.04 s.
+    Terminates when the rear axle is more than half a `lane_width` (3 m) from the lane's centre. Truncated after
+    `episode_steps` control steps of 0.04 s.
 
     ## Arguments
 
@@ -118,11 +111,5 @@ class TurnOffEnv(LaneKeepEnv):
 
     * v0: first version.
     """
-
-    scenario_class = TurnOffScenario
-
-
-class TurnOffVectorEnv(LaneKeepVectorEnv):
-    """Vector form of `TurnOffEnv`; arguments are those of `LaneKeepVectorEnv` and `TurnOffScenario`."""
 
     scenario_class = TurnOffScenario

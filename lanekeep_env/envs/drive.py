@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from lanekeep_env.envs.lane_keep import LaneKeepEnv
-from lanekeep_env.envs.lane_keep_vector import LaneKeepVectorEnv
+from lanekeep_env.envs.road_env import RoadEnv
 from lanekeep_env.scenario import DriveScenario
 
 
-class DriveEnv(LaneKeepEnv):
+class DriveEnv(RoadEnv):
     """
     ## Description
 
@@ -45,7 +44,7 @@ class DriveEnv(LaneKeepEnv):
 
     ## Episode End
 
-    Terminates when the car leaves its lane or meets the car ahead. Truncated after 3,000 steps of 0.02 s.
+    Terminates when the car leaves its lane or meets the car ahead. Truncated after `episode_steps` of 0.02 s.
 
     ## Arguments
 
@@ -64,11 +63,5 @@ class DriveEnv(LaneKeepEnv):
 
     * v0: first version.
     """
-
-    scenario_class = DriveScenario
-
-
-class DriveVectorEnv(LaneKeepVectorEnv):
-    """Vector form of `DriveEnv`; arguments are those of `ManyEnvs` and `DriveScenario`."""
 
     scenario_class = DriveScenario

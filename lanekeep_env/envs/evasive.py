@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from lanekeep_env.envs.lane_keep import LaneKeepEnv
-from lanekeep_env.envs.lane_keep_vector import LaneKeepVectorEnv
+from lanekeep_env.envs.road_env import RoadEnv
 from lanekeep_env.scenario import EvasiveScenario, ReversePathScenario
 
 
-class EvasiveEnv(LaneKeepEnv):
+class EvasiveEnv(RoadEnv):
     """
     ## Description
 
@@ -29,8 +28,8 @@ class EvasiveEnv(LaneKeepEnv):
 
     ## Episode End
 
-    Terminates when the centre of gravity is more than half a `lane_width` (4 m) from the path. Truncated after 300
-    steps of 0.02 s.
+    Terminates when the centre of gravity is more than half a `lane_width` (4 m) from the path. Truncated after
+    `episode_steps` of 0.02 s.
 
     ## Arguments
 
@@ -48,13 +47,7 @@ class EvasiveEnv(LaneKeepEnv):
     scenario_class = EvasiveScenario
 
 
-class EvasiveVectorEnv(LaneKeepVectorEnv):
-    """Vector form of `EvasiveEnv`; arguments are those of `ManyEnvs` and `EvasiveScenario`."""
-
-    scenario_class = EvasiveScenario
-
-
-class ReversePathEnv(LaneKeepEnv):
+class ReversePathEnv(RoadEnv):
     """
     ## Description
 
@@ -81,8 +74,8 @@ class ReversePathEnv(LaneKeepEnv):
 
     ## Episode End
 
-    Terminates when the rear axle is more than half a `lane_width` (3 m) from the path. Truncated after 1,500 steps of
-    0.02 s.
+    Terminates when the rear axle is more than half a `lane_width` (3 m) from the path. Truncated after
+    `episode_steps` of 0.02 s.
 
     ## Arguments
 
@@ -96,11 +89,5 @@ class ReversePathEnv(LaneKeepEnv):
 
     * v0: first version.
     """
-
-    scenario_class = ReversePathScenario
-
-
-class ReversePathVectorEnv(LaneKeepVectorEnv):
-    """Vector form of `ReversePathEnv`; arguments are those of `ManyEnvs` and `ReversePathScenario`."""
 
     scenario_class = ReversePathScenario

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from lanekeep_env.envs.single import SingleEnv
-from lanekeep_env.families.road.cars import RoadLanes
-from lanekeep_env.rendering.road_picture import RoadPicture
-from lanekeep_env.roads import Road
-from lanekeep_env.scenario import LaneKeepScenario, RoadScenario
+from lanekeep_env.envs.road_env import RoadEnv
+from lanekeep_env.scenario import LaneKeepScenario
 
 
-class LaneKeepEnv(SingleEnv):
+class LaneKeepEnv(RoadEnv):
     """
     ## Description
 
@@ -50,7 +45,7 @@ class LaneKeepEnv(SingleEnv):
     Minus the running cost min(cap, (d / 0.5 m)² + w (steering rate / reference)²) times the control
     step, with w = 1, reference = 0.1 rad/s of the road wheel (at a steering ratio of 16 a brisk 92°/s of
     the steering wheel) and cap = 16 per second (a lane's edge costs 12.25). A departure charges the cap
-    for the rest of `episode_steps` (30 s), so leaving the lane is worse than any drive inside it.
+    for the rest of `episode_steps`, so leaving the lane is worse than any drive inside it.
 
     ## Starting State
 
@@ -64,7 +59,7 @@ class LaneKeepEnv(SingleEnv):
 
     Terminates when the centre of gravity is more than half a `lane_width` (3.5 m) from the lane's centre
     (`departure="terminate"`; `"cost"` charges and goes on, `"off"` ignores it). Truncated after
-    `episode_steps` (600) control steps of `control_step` (0.05 s); Gymnasium's `max_episode_steps` can
+    `episode_steps` control steps of `control_step` (0.05 s); Gymnasium's `max_episode_steps` can
     shorten that. What an ended episode gives if stepped on means nothing; its rewards are 0.
 
     ## Arguments
@@ -92,10 +87,4 @@ class LaneKeepEnv(SingleEnv):
     * v0: first version.
     """
 
-    scenario_class: type[RoadScenario] = LaneKeepScenario
-    lanes_class = RoadLanes
-    picture_class = RoadPicture
-
-    def road_set(self) -> tuple[tuple[Road, np.ndarray], ...]:
-        """The roads an episode is drawn from, each with its node speeds in m/s."""
-        return self._core.road_set()
+    scenario_class = LaneKeepScenario

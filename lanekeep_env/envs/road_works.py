@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from lanekeep_env.envs.lane_keep import LaneKeepEnv
-from lanekeep_env.envs.lane_keep_vector import LaneKeepVectorEnv
+from lanekeep_env.envs.road_env import RoadEnv
 from lanekeep_env.scenario import RoadWorksScenario
 
 
-class RoadWorksEnv(LaneKeepEnv):
+class RoadWorksEnv(RoadEnv):
     """
     ## Description
 
@@ -30,7 +29,7 @@ class RoadWorksEnv(LaneKeepEnv):
     ## Episode End
 
     Terminates when the car's body touches the lane's edge: |lateral_error| > (lane_width - car width) / 2, 0.475 m
-    for a car of 1.8 m. Truncated after 600 steps of 0.05 s.
+    for a car of 1.8 m. Truncated after `episode_steps` of 0.05 s.
 
     ## Arguments
 
@@ -44,11 +43,5 @@ class RoadWorksEnv(LaneKeepEnv):
 
     * v0: first version.
     """
-
-    scenario_class = RoadWorksScenario
-
-
-class RoadWorksVectorEnv(LaneKeepVectorEnv):
-    """Vector form of `RoadWorksEnv`; arguments are those of `LaneKeepVectorEnv` and `RoadWorksScenario`."""
 
     scenario_class = RoadWorksScenario

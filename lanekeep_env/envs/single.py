@@ -2,69 +2,49 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.spaces import Box
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, shown
+from lanekeep_env.checks import shown
+from lanekeep_env.envs.skin import RENDER_MODES, Skin, check_modes, observation_space, seed_from
 from lanekeep_env.rendering.window import Window
-from lanekeep_env.scenario import Channel
 
-PRECISIONS = ("float64", "float32")
-RENDER_MODES = ("human", "rgb_array")
 #: Views, which would come back from a pickle as copies, and the kernel.
 _NOT_KEPT = ("_seen", "_truth", "_arguments", "_step")
 
 
-class AnyScenario(Protocol):
-    """What an environment needs of its scenario."""
-
-    @property
-    def channels(self) -> tuple[Channel, ...]: ...
-    def channel_bounds(self) -> np.ndarray: ...
-    @classmethod
-    def from_keywords(cls, others: Any = (), /, **keywords: Any) -> Any: ...
+def _never_reset(*_: Any) -> None:
+    raise gym.error.ResetNeeded("call reset() before step()")
 
 
-def observation_space(scenario: AnyScenario) -> Box:
-    """Box with the bounds of the scenario's channels."""
-    low, high = scenario.channel_bounds().T
-    return Box(low.copy(), high.copy(), dtype=np.float32)
+class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
+    """One car; a family is mixed in, and subclasses name the task's scenario and are its page of documentation."""
 
-
-class SingleEnv(gym.Env[np.ndarray, np.ndarray]):
-    """Subclasses name scenario, lanes (the kernel's arrays) and picture, and are the task's page of documentation."""
-
-    scenario_class: type[AnyScenario]
-    lanes_class: Callable[..., Any]
-    picture_class: Callable[..., Any]
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012 (as Gymnasium declares it)
+    #: The kernel and its arguments, once there is an episode to go on with.
+    _step: Callable[..., None] = staticmethod(_never_reset)
+    _arguments: tuple[Any, ...] = ()
 
     def __init__(self, *, render_mode: str | None = None, dtype: str = "float64", **scenario: Any) -> None:
         check_modes(render_mode, dtype)
         self.scenario = self.scenario_class.from_keywords(("render_mode", "dtype"), **scenario)
         self.render_mode = render_mode
         self._shown = render_mode == "human"
-        self._picture: Any = self.picture_class(self.scenario) if render_mode else None
+        self._picture: Any = self.make_picture(self.scenario) if render_mode else None
         self._window: Window | None = None
         self.observation_space = observation_space(self.scenario)
-        self._core = self.lanes_class(self.scenario, 1, dtype)
+        self._core = self.make_lanes(self.scenario, 1, dtype)
         self._shape = (self._core.num_actions,)
         self.action_space = Box(-1.0, 1.0, self._shape, dtype=np.float32)
         self._action = np.zeros(self._shape, dtype=np.float32)
         self._observation = np.zeros((1, self._core.num_channels), dtype=np.float32)
         self._outcome = np.zeros((self._core.outcome_rows, 1), dtype=dtype)
         self._bind()
-
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        """Name, unit, bounds and meaning of each entry of the observation."""
-        return self.scenario.channels
 
     @property
     def clipped_actions(self) -> int:
@@ -126,10 +106,7 @@ class SingleEnv(gym.Env[np.ndarray, np.ndarray]):
             raise ValueError(f"action={shown(action)} is not a number; it must be one in [-1, 1]") from None
         if value != value:
             raise ValueError(f"action={shown(action)} is NaN; it must be a number in [-1, 1]")
-        try:
-            self._step(*self._arguments)
-        except AttributeError:
-            raise gym.error.ResetNeeded("call reset() before step()") from None
+        self._step(*self._arguments)
         told = self._truth.tolist()
         terminated = told[at.O_TERMINATED] > 0.0
         truncated = told[at.O_TRUNCATED] > 0.0
@@ -143,7 +120,7 @@ class SingleEnv(gym.Env[np.ndarray, np.ndarray]):
             gym.logger.warn('render() needs a render_mode: gym.make(..., render_mode="rgb_array" or "human")')
             return None
         if self._picture is None:
-            self._picture = self.picture_class(self.scenario)
+            self._picture = self.make_picture(self.scenario)
         frame = self._picture.draw(self._core.pose(0))
         if self.render_mode == "rgb_array":
             return frame
@@ -160,7 +137,7 @@ class SingleEnv(gym.Env[np.ndarray, np.ndarray]):
 
     def _info(self, told: list[float]) -> dict[str, Any]:
         _, ended, _, lateral, heading, acceleration, rate, speed, station, cost, success, *_ = told
-        return {
+        info = {
             "lateral_error": lateral,
             "heading_error": heading,
             "lateral_acceleration": acceleration,
@@ -171,18 +148,6 @@ class SingleEnv(gym.Env[np.ndarray, np.ndarray]):
             "is_success": success > 0.0,
             "termination": int(ended),
         }
-
-
-def seed_from(value: Any) -> int | None:
-    """Read a seed: None or a whole number, of which Gymnasium refuses those below zero."""
-    try:
-        return None if value is None else operator.index(value)
-    except TypeError:
-        raise ValueError(f"seed={shown(value)} is not allowed: it must be a whole number >= 0 or None") from None
-
-
-def check_modes(render_mode: str | None, dtype: str) -> None:
-    """Raise ValueError for a render mode or precision that does not exist."""
-    if render_mode is not None:
-        choose("render_mode", render_mode, RENDER_MODES)
-    choose("dtype", dtype, PRECISIONS)
+        for name, row in self.further:
+            info[name] = told[row]
+        return info

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, ClassVar
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import gymnasium as gym
 import numba
@@ -14,8 +14,8 @@ from gymnasium.vector.utils import batch_space
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require, shown
-from lanekeep_env.envs.single import AnyScenario, SingleEnv, check_modes, observation_space, seed_from
-from lanekeep_env.scenario import Channel
+from lanekeep_env.envs.single import SingleEnv
+from lanekeep_env.envs.skin import Skin, check_modes, observation_space, seed_from
 
 _AUTORESET = {
     "next_step": (at.NEXT_STEP, AutoresetMode.NEXT_STEP),
@@ -25,10 +25,20 @@ _AUTORESET = {
 #: Lanes of one environment: what they take is within a few GB.
 MOST_LANES = 1_000_000
 _OWN_KEYWORDS = ("max_episode_steps", "autoreset_mode", "dtype", "num_threads", "render_mode")
+#: Truth in the infos of every family: its name and its row in the outcome.
+_TRUTH = (
+    ("lateral_error", at.O_LATERAL_ERROR),
+    ("heading_error", at.O_HEADING_ERROR),
+    ("lateral_acceleration", at.O_LATERAL_ACCELERATION),
+    ("steering_rate", at.O_STEERING_RATE),
+    ("speed", at.O_SPEED),
+    ("arc_length", at.O_ARC_LENGTH),
+    ("cost", at.O_COST),
+)
 
 
-class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Vector form of a `SingleEnv`, whose docstring describes the task; subclasses name what that names.
+class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """Vector form of a `SingleEnv`, whose docstring describes the task; `vector_twins` derives one a task.
 
     Args:
         num_envs: number of lanes n (cars).
@@ -42,20 +52,6 @@ class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     ``reset(seed=)`` takes an int (lane i gets seed + i) or one seed a lane; ``options`` are those of the
     single environment, one number or one a lane, and ``"reset_mask"`` (bool, (n,)) resets some lanes only.
     """
-
-    scenario_class: type[AnyScenario]
-    lanes_class: Callable[..., Any]
-    picture_class: Callable[..., Any]
-    #: Truth in the infos by name, and its row in the outcome.
-    truth: ClassVar[dict[str, int]] = {
-        "lateral_error": at.O_LATERAL_ERROR,
-        "heading_error": at.O_HEADING_ERROR,
-        "lateral_acceleration": at.O_LATERAL_ACCELERATION,
-        "steering_rate": at.O_STEERING_RATE,
-        "speed": at.O_SPEED,
-        "arc_length": at.O_ARC_LENGTH,
-        "cost": at.O_COST,
-    }
 
     def __init__(
         self,
@@ -83,7 +79,7 @@ class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.num_envs = num_envs = int(num_envs)
         self.scenario = self.scenario_class.from_keywords(_OWN_KEYWORDS, **scenario)
         self.single_observation_space = observation_space(self.scenario)
-        self._core = self.lanes_class(self.scenario, num_envs, dtype, code, max_episode_steps)
+        self._core = self.make_lanes(self.scenario, num_envs, dtype, code, max_episode_steps)
         self.single_action_space = Box(-1.0, 1.0, (self._core.num_actions,), dtype=np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -97,11 +93,6 @@ class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._masked = code == at.NO_AUTORESET
         self._everyone = np.ones(num_envs, dtype=np.bool_)
         self._everyone.flags.writeable = False
-
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        """Name, unit, bounds and meaning of each column of the observation."""
-        return self.scenario.channels
 
     @property
     def clipped_actions(self) -> np.ndarray:
@@ -215,7 +206,7 @@ class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             gym.logger.warn('render() needs a render_mode: gym.make_vec(..., render_mode="rgb_array")')
             return None
         if not self._pictures:
-            self._pictures = [self.picture_class(self.scenario) for _ in range(self.num_envs)]
+            self._pictures = [self.make_picture(self.scenario) for _ in range(self.num_envs)]
         return tuple(picture.draw(self._core.pose(lane)) for lane, picture in enumerate(self._pictures))
 
     def __getstate__(self) -> dict[str, Any]:
@@ -232,7 +223,7 @@ class ManyEnvs(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _infos(self, outcome: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
         infos: dict[str, Any] = {}
-        for name, row in self.truth.items():
+        for name, row in (*_TRUTH, *self.further):
             infos[name] = outcome[row]
             infos["_" + name] = mask
         infos["is_success"] = outcome[at.O_SUCCESS] > 0.0

@@ -2,20 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
-
-from lanekeep_env import layout as at
-from lanekeep_env.envs.single import SingleEnv
-from lanekeep_env.envs.vector import ManyEnvs
-from lanekeep_env.families.wall.cars import WallLanes
-from lanekeep_env.rendering.wall_picture import WallPicture
-from lanekeep_env.scenario.walls import CircuitScenario, WallFollowScenario
-from lanekeep_env.walls import World
-
-_TRUTH = {"x": at.O_X, "y": at.O_Y, "distance": at.O_DISTANCE, "clearance": at.O_CLEARANCE, "lap_time": at.O_LAP_TIME}
+from lanekeep_env.envs.wall_env import WallEnv
+from lanekeep_env.scenario import CircuitScenario, WallFollowScenario
 
 
-class WallFollowEnv(SingleEnv):
+class WallFollowEnv(WallEnv):
     """
     ## Description
 
@@ -64,7 +55,7 @@ class WallFollowEnv(SingleEnv):
     ## Episode End
 
     Terminates when the body touches a wall (`contact="terminate"`; with `"cost"` the wall holds the car and charges,
-    with `"off"` it only holds it). Truncated after `episode_steps` (600) control steps of 0.045 s.
+    with `"off"` it only holds it). Truncated after `episode_steps` control steps of 0.045 s.
 
     ## Arguments
 
@@ -84,34 +75,10 @@ class WallFollowEnv(SingleEnv):
     * v0: first version.
     """
 
-    scenario_class: type[WallFollowScenario] = WallFollowScenario
-    lanes_class = WallLanes
-    picture_class = WallPicture
-
-    def world_set(self) -> tuple[World, ...]:
-        """The worlds an episode is drawn from."""
-        return self._core.world_set()
-
-    def _info(self, told: list[float]) -> dict[str, Any]:
-        info = super()._info(told)
-        info["x"], info["y"], info["distance"], info["clearance"], info["lap_time"] = told[at.O_X :]
-        return info
+    scenario_class = WallFollowScenario
 
 
-class WallFollowVectorEnv(ManyEnvs):
-    """Vector form of `WallFollowEnv`; arguments are those of `ManyEnvs` and `WallFollowScenario`."""
-
-    scenario_class: type[WallFollowScenario] = WallFollowScenario
-    lanes_class = WallLanes
-    picture_class = WallPicture
-    truth: ClassVar[dict[str, int]] = {**ManyEnvs.truth, **_TRUTH}
-
-    def world_set(self) -> tuple[World, ...]:
-        """The worlds an episode is drawn from."""
-        return self._core.world_set()
-
-
-class CircuitEnv(WallFollowEnv):
+class CircuitEnv(WallEnv):
     """
     ## Description
 
@@ -141,7 +108,7 @@ class CircuitEnv(WallFollowEnv):
 
     ## Episode End
 
-    Terminates with the lap (`laps`) or with a contact. Truncated after `episode_steps` (1,800) steps of 0.045 s.
+    Terminates with the lap (`laps`) or with a contact. Truncated after `episode_steps` of 0.045 s.
 
     ## Arguments
 
@@ -155,11 +122,5 @@ class CircuitEnv(WallFollowEnv):
 
     * v0: first version.
     """
-
-    scenario_class = CircuitScenario
-
-
-class CircuitVectorEnv(WallFollowVectorEnv):
-    """Vector form of `CircuitEnv`; arguments are those of `ManyEnvs` and `CircuitScenario`."""
 
     scenario_class = CircuitScenario

@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -65,8 +64,7 @@ def test_damaged_policies_are_read_or_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("env_id", ENVIRONMENTS)
 def test_no_value_of_a_scenario_makes_a_record_open_a_file(env_id: str, files: dict[str, str], make_record) -> None:
-    module, environment = ENVIRONMENTS[env_id][0].split(":")
-    scenario = getattr(import_module(module), environment).scenario_class()
+    scenario = ENVIRONMENTS[env_id].scenario()
     Binding(make_record(scenario, env_id=env_id))  # what is imported on the way is there
     naming = [*files.values(), *({"kind": kind, "path": file} for kind in ("file", "map") for file in files.values())]
     count = len(policies.places(scenario.to_dict()))

@@ -7,7 +7,6 @@ import json
 import subprocess
 import sys
 from fnmatch import fnmatchcase
-from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -52,23 +51,19 @@ def load(file: str) -> ModuleType:
     return module
 
 
-def scenario_class(env_id: str) -> Any:
-    module, environment = lanekeep_env.ENVIRONMENTS[env_id][0].split(":")
-    return getattr(import_module(module), environment).scenario_class
-
-
 def drawn(env_id: str, number: int) -> Any:
     """A scenario of ``env_id`` with options of the registry's tests, one in three of them; 0 is the default."""
     options = load("tests/env/test_registry.py").OPTIONS[env_id]
+    scenario = lanekeep_env.ENVIRONMENTS[env_id].scenario
     rng = np.random.default_rng([IDS.index(env_id), number])
     while number:
         chosen = {key: [*values, *FURTHER.get(key, [])] for key, values in options.items() if key != "dtype"}
         chosen = {key: values for key, values in chosen.items() if values and rng.random() < 1 / 3}
         try:
-            return scenario_class(env_id)(**{k: values[rng.integers(len(values))] for k, values in chosen.items()})
+            return scenario(**{k: values[rng.integers(len(values))] for k, values in chosen.items()})
         except ValueError:
             continue  # options that exclude each other
-    return scenario_class(env_id)()
+    return scenario()
 
 
 def makes(name: str, scenario: Any) -> bool:

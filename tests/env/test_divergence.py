@@ -19,6 +19,10 @@ ROWS = {"along": at.ALONG, "lateral": at.LATERAL, "heading": at.HEADING, "yaw_ra
 HEALS = ("yaw_rate", "steer")
 
 
+def walled(env_id):
+    return issubclass(lanekeep_env.ENVIRONMENTS[env_id].scenario, lanekeep_env.WallFollowScenario)
+
+
 def broken(env_id, row, value, **keywords):
     """Three cars of which the second one's state is broken; return what the next step gives, and its duration."""
     envs = gym.make_vec(env_id, num_envs=3, vectorization_mode="vector_entry_point", **keywords)
@@ -34,7 +38,7 @@ def broken(env_id, row, value, **keywords):
 @pytest.mark.parametrize("departure", ["terminate", "cost", "off"])
 @pytest.mark.parametrize("env_id", IDS)
 def test_a_state_that_is_not_finite_ends_the_episode_as_a_failure(env_id, departure):
-    keywords = {"contact" if "Wall" in env_id or "Circuit" in env_id else "departure": departure}
+    keywords = {"contact" if walled(env_id) else "departure": departure}
     for row in ROWS:
         for value in (np.nan, np.inf, -np.inf):
             envs, (observation, reward, terminated, truncated, info), _ = broken(env_id, row, value, **keywords)
@@ -57,8 +61,7 @@ def test_a_state_that_is_not_finite_ends_the_episode_as_a_failure(env_id, depart
 @pytest.mark.parametrize("env_id", IDS)
 @pytest.mark.parametrize("value", [np.inf, 1e30, -1e30, np.nan])
 def test_no_loop_of_a_kernel_depends_on_a_state(env_id, value):
-    walled = "Wall" in env_id or "Circuit" in env_id
-    keywords = {} if walled else {"road": {"kind": "circle", "radius": 150.0}}  # a closed road has no end
+    keywords = {} if walled(env_id) else {"road": {"kind": "circle", "radius": 150.0}}  # a closed road has no end
     broken(env_id, "along", value, **keywords)  # compiled
     *_, seconds = broken(env_id, "along", value, **keywords)
     assert seconds < 1.0

@@ -5,8 +5,11 @@ import dataclasses
 import itertools
 import json
 import pickle
+import subprocess
+import sys
 import warnings
 
+import cloudpickle
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -14,6 +17,15 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
 import lanekeep_env
+from lanekeep_env.scenario import (
+    CameraLaneScenario,
+    CircuitScenario,
+    DriveScenario,
+    EvasiveScenario,
+    LaneKeepScenario,
+    ReversePathScenario,
+    WallFollowScenario,
+)
 
 IDS = sorted(lanekeep_env.ENVIRONMENTS)
 
@@ -131,17 +143,19 @@ DRIVING = {
     "reference_speed_error": [1.0],
 }
 IN_A_CIRCUIT = {**BETWEEN_WALLS, "max_speed": [1.0], "max_acceleration": [1.0], "laps": [2]}
-#: Every option of an id with a value beside its default.
+#: Every option of a scenario, and of those that have only other defaults, with values beside its default.
+TABLES = {
+    LaneKeepScenario: ON_A_ROAD,
+    CameraLaneScenario: BY_CAMERA,
+    WallFollowScenario: BETWEEN_WALLS,
+    CircuitScenario: IN_A_CIRCUIT,
+    EvasiveScenario: EVASIVE,
+    ReversePathScenario: BACKING_UP,
+    DriveScenario: DRIVING,
+}
 OPTIONS = {
-    "lanekeep/LaneKeep-v0": ON_A_ROAD,
-    "lanekeep/RoadWorks-v0": ON_A_ROAD,
-    "lanekeep/CameraLane-v0": BY_CAMERA,
-    "lanekeep/TurnOff-v0": BY_CAMERA,
-    "lanekeep/WallFollow-v0": BETWEEN_WALLS,
-    "lanekeep/Circuit-v0": IN_A_CIRCUIT,
-    "lanekeep/Evasive-v0": EVASIVE,
-    "lanekeep/ReversePath-v0": BACKING_UP,
-    "lanekeep/Drive-v0": DRIVING,
+    env_id: next((TABLES[base] for base in row.scenario.__mro__ if base in TABLES), {})
+    for env_id, row in lanekeep_env.ENVIRONMENTS.items()
 }
 
 
@@ -176,6 +190,63 @@ def test_defaults_run_vector_pickle_and_copy(name):
     again = pickle.loads(pickle.dumps(vector))
     sample = vector.action_space.sample()
     np.testing.assert_array_equal(vector.step(sample)[0], again.step(sample)[0])
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_the_row_names_the_scenario_and_all_forms_have_its_length(name):
+    row = lanekeep_env.ENVIRONMENTS[name]
+    single, vector = gym.make(name), gym.make_vec(name, 2, "vector_entry_point")
+    for env in (single, vector):
+        assert type(env.unwrapped).scenario_class is row.scenario is type(env.unwrapped.scenario)
+        assert env.spec.max_episode_steps == env.unwrapped.scenario.episode_steps
+        assert env.unwrapped.channels == single.unwrapped.channels
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_the_vector_form_is_a_class_that_pickles_copies_and_tells_what_it_is(name):
+    env = gym.make_vec(name, 2, "vector_entry_point")
+    single = type(gym.make(name).unwrapped)
+    assert type(env).__name__ == single.__name__.removesuffix("Env") + "VectorEnv"
+    assert f"`{single.__name__}`" in type(env).__doc__ and single.__doc__.strip().startswith("## Description")
+    assert pickle.loads(pickle.dumps(type(env))) is type(env)
+    assert pickle.loads(cloudpickle.dumps(type(env))) is type(env)
+    public = {attribute for attribute in dir(single) if not attribute.startswith("_")}
+    family = {attribute for attribute in public if attribute.endswith("_set")}  # road_set, world_set
+    assert family and family <= set(dir(env))
+    twin = copy.deepcopy(env)
+    env.reset(seed=3), twin.reset(seed=3)
+    actions = env.action_space.sample()
+    for ours, theirs in zip(env.step(actions)[:4], twin.step(actions)[:4], strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_kernels_are_imported_with_the_first_environment():
+    """An import of the package, and of all pages, needs none of the modules with kernels."""
+    code = (
+        "import sys, pkgutil, lanekeep_env\n"
+        "for row in lanekeep_env.ENVIRONMENTS.values(): pkgutil.resolve_name(row.page)\n"
+        "print(*(name for name in sys.modules if name.startswith('lanekeep_env.envs.')))\n"
+    )
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "lanekeep_env.envs.lane_keep" in loaded
+    assert "kernel" not in loaded and "lanes" not in loaded
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_a_step_before_reset_is_refused_and_a_fault_inside_a_step_is_not_taken_for_one(name, monkeypatch):
+    env = gym.make(name).unwrapped
+    action = np.zeros(env.action_space.shape, dtype=np.float32)
+    for fresh in (env, copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
+        with pytest.raises(gym.error.ResetNeeded, match="reset"):
+            fresh.step(action)
+    env.reset(seed=0)
+
+    def broken(*_):
+        return None.missing
+
+    monkeypatch.setattr(env, "_step", broken)
+    with pytest.raises(AttributeError, match="missing"):
+        env.step(action)
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -256,11 +327,14 @@ def test_specs_and_scenarios_round_trip_through_json(name):
 
 @pytest.mark.parametrize("name", IDS)
 def test_the_hash_sees_every_option(name):
-    hashes = [gym.make(name).unwrapped.scenario.hash]
+    """Scenarios are equal where their hashes are, and nowhere else; a value may be the default of another id."""
+    scenario = lanekeep_env.ENVIRONMENTS[name].scenario
+    found = [scenario()]
     for key, values in OPTIONS[name].items():
         if key != "dtype":
-            hashes += [gym.make(name, **{key: value}).unwrapped.scenario.hash for value in values]
-    assert len(set(hashes)) == len(hashes)
+            found += [scenario(**{key: value}) for value in values]
+    for first, second in itertools.combinations(found, 2):
+        assert (first == second) == (first.hash == second.hash)
 
 
 @pytest.mark.parametrize("name", IDS)

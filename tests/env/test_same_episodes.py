@@ -13,6 +13,17 @@ def comparing(monkeypatch):
     return importlib.import_module("side_by_side.compare")
 
 
+def test_an_id_that_the_old_checkout_lacks_is_no_difference_and_one_that_is_gone_is(comparing, monkeypatch):
+    same_episodes = importlib.import_module("same_episodes")
+    answers = {"new": ("NameNotFound: no `Mine`", {}), "gone": ({}, "NameNotFound: no `Mine`"), "equal": ({}, {})}
+    monkeypatch.setattr(same_episodes, "both", lambda old, new, case: answers[case])
+    findings = same_episodes.Findings()
+    for case in answers:
+        same_episodes.judge(case, None, None, findings)
+    assert findings.count == {"new id": 1, "different": 1, "equal": 1}
+    assert "1 of ids that old has not" in findings.summary()
+
+
 def neighbour(value, steps):
     for _ in range(steps):
         value = np.nextafter(value, value.dtype.type(np.inf))

@@ -1,0 +1,41 @@
+"""The family on roads."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lanekeep_env.envs.single import SingleEnv
+from lanekeep_env.envs.skin import Skin
+from lanekeep_env.roads import Road
+from lanekeep_env.scenario import RoadScenario
+
+
+class OnRoads(Skin):
+    """What environments on roads share, single or vector."""
+
+    scenario_class: type[RoadScenario]
+
+    @staticmethod
+    def make_lanes(*arguments: Any) -> Any:
+        """Return the kernel's arrays; the arguments are those of `Lanes`."""
+        from lanekeep_env.families.road.cars import RoadLanes
+
+        return RoadLanes(*arguments)
+
+    @staticmethod
+    def make_picture(scenario: Any) -> Any:
+        """Return what draws a car of the scenario."""
+        from lanekeep_env.rendering.road_picture import RoadPicture
+
+        return RoadPicture(scenario)
+
+    def road_set(self) -> tuple[tuple[Road, np.ndarray], ...]:
+        """The roads an episode is drawn from, each with its node speeds in m/s."""
+        roads: tuple[tuple[Road, np.ndarray], ...] = self._core.road_set()
+        return roads
+
+
+class RoadEnv(OnRoads, SingleEnv):
+    """One car on a road; subclasses name the task's scenario, and are its page of documentation."""
