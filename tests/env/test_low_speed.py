@@ -35,7 +35,7 @@ def test_steady_circles_at_low_speed(vehicle, randomisation):
             num_envs=64,
             vectorization_mode="vector_entry_point",
             vehicle=vehicle,
-            randomisation={**vars(corners), "speed": 1.0},
+            randomisation={**vars(corners), "friction": 1.0, "speed": 1.0},
             road="straight",
             speed=v,
             departure="off",
