@@ -48,7 +48,8 @@ def _alone(module: Any, options: dict[str, list[Any]], quick: bool) -> Iterator[
     """Each value, with what it takes beside it to have an effect: others are refused."""
     yield {}
     tried = {key: values for key, values in options.items() if key != "dtype" and (key in QUICK or not quick)}
-    yield from module.alone({**tried, "sensors": [*options["sensors"][1:], *SENSOR_SETS]}, options)
+    sensors = [value for value in (*options["sensors"], *SENSOR_SETS) if value != options["sensors"][0]]
+    yield from module.alone({**tried, "sensors": sensors}, options)
 
 
 def _together(env_id: str, options: dict[str, list[Any]]) -> Iterator[dict[str, Any]]:
