@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from lanekeep_env.checks import choose, from_mapping, require, shown
@@ -12,6 +12,19 @@ Range = tuple[float, float]
 
 #: Share of the friction that a speed profile uses at the most.
 FRICTION_SHARE = 0.8
+
+
+#: What entries take to have an effect, each in a scenario's words: the car's tyres, tyres that saturate, errors of the
+#: centre of gravity, a speed that the environment sets, a lag of the nominal actuator.
+TYRES, FRICTION, CENTRE_OF_GRAVITY, SPEED, LAG = "tyres", "friction", "centre of gravity", "speed", "lag"
+
+
+def _factor(of: str, needs: str) -> dict[str, Any]:
+    return _entry(f"factor of {of}", "(a factor of the nominal value)", 0.05, 20.0, needs)
+
+
+def _entry(what: str, unit: str, low: float, high: float, needs: str = "") -> dict[str, Any]:
+    return {"what": what, "unit": unit, "limits": {"at_least": low, "at_most": high}, "needs": needs}
 
 
 @dataclass(frozen=True)
@@ -28,30 +41,27 @@ class Randomisation:
         steering_lag: factor of the actuator's lag.
         steering_delay: transport delay added to the actuator's, s, rounded to the integration step.
 
-    A policy is built from the nominal car: what is drawn here is what it does not know.
+    A policy is built from the nominal car: what is drawn here is what it does not know. What has no effect on a
+    scenario's cars is refused, but in a named set it is passed over.
     """
 
-    mass: Range = (1.0, 1.0)
-    friction: Range = (1.0, 1.0)
-    front_cornering_stiffness: Range = (1.0, 1.0)
-    rear_cornering_stiffness: Range = (1.0, 1.0)
-    cg_shift: Range = (0.0, 0.0)
-    speed: Range = (1.0, 1.0)
-    steering_lag: Range = (1.0, 1.0)
-    steering_delay: Range = (0.0, 0.0)
+    mass: Range = field(default=(1.0, 1.0), metadata=_factor("mass and yaw inertia", TYRES))
+    friction: Range = field(default=(1.0, 1.0), metadata=_factor("the road's friction", FRICTION))
+    front_cornering_stiffness: Range = field(default=(1.0, 1.0), metadata=_factor("the front axle's stiffness", TYRES))
+    rear_cornering_stiffness: Range = field(default=(1.0, 1.0), metadata=_factor("the rear axle's stiffness", TYRES))
+    cg_shift: Range = field(
+        default=(0.0, 0.0),
+        metadata=_entry("shift of the centre of gravity to the front", "m", -0.5, 0.5, CENTRE_OF_GRAVITY),
+    )
+    speed: Range = field(default=(1.0, 1.0), metadata=_factor("the speed", SPEED))
+    steering_lag: Range = field(default=(1.0, 1.0), metadata=_factor("the actuator's lag", LAG))
+    steering_delay: Range = field(default=(0.0, 0.0), metadata=_entry("delay added to the actuator's", "s", 0.0, 2.0))
 
     def __post_init__(self) -> None:
         for f in fields(self):
             value = getattr(self, f.name)
             low, high = value if isinstance(value, tuple | list) and len(value) == 2 else (value, value)
-            name = f"randomisation.{f.name}"
-            if f.name == "cg_shift":
-                limits: dict[str, Any] = {"at_least": -0.5, "at_most": 0.5}
-            elif f.name == "steering_delay":
-                limits = {"at_least": 0.0, "at_most": 2.0}
-            else:
-                limits = {"at_least": 0.05, "at_most": 20.0}
-            unit = {"cg_shift": "m", "steering_delay": "s"}.get(f.name, "(a factor of the nominal value)")
+            name, unit, limits = f"randomisation.{f.name}", f.metadata["unit"], f.metadata["limits"]
             require(name, low, unit, **limits)
             require(name, high, unit, **limits)
             if high < low:

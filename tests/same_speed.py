@@ -14,7 +14,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from side_by_side.cases import option_table
+from side_by_side.cases import options_module
 from side_by_side.checkouts import HERE, Worker, checked
 
 #: Least ratio that counts as equally fast.
@@ -70,7 +70,7 @@ def main() -> int:
     slower = 0
     print("new speed / old speed (95 % interval)\n")
     print(f"{'':24}" + "".join(f"{name:24}" for name in ("single", "1,024 float64", "1,024 float32", "start-up")))
-    for env_id in option_table():
+    for env_id in options_module().OPTIONS:
         for path in paths:
             worker = Worker(path, "side_by_side.speed")  # compiles what is not yet compiled
             worker.ask(("start", env_id))

@@ -138,7 +138,7 @@ def train(
         resume: go on from the checkpoint in ``out``; overwrite: replace another run there.
         threads: of torch.
         report: called between rollouts with the steps done and a line that tells how good the policy is.
-        changes: of the hyper-parameters, fields of `TrainingSettings`, e.g. ``env={"friction": 0.6}``, or
+        changes: of the hyper-parameters, fields of `TrainingSettings`, e.g. ``env={"cost_weight": 0.5}``, or
             ``base="yin-lqr-observer", bound=0.2`` for a correction of that controller, ``imitate="stanley"``.
 
     Raises:

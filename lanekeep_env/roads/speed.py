@@ -174,6 +174,11 @@ class SetSpeeds:
         """Largest lateral acceleration, m/s², 0 for none."""
         return self.lateral_acceleration or 0.0
 
+    @property
+    def varies(self) -> bool:
+        """Whether set speeds differ."""
+        return self.standstill < 1.0 and self.maximum > 0.0 and (self.minimum < self.maximum or self.standstill > 0.0)
+
     def numbers(self, control_step: float, step: float) -> dict[int, float]:
         """The kernel's settings by row of `layout`, for a control step and an integration step in s."""
         return {

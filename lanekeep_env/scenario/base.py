@@ -13,6 +13,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import nearest, plain_numbers, shown
+from lanekeep_env.scenario.effects import Need, refuse_idle, unmet
 from lanekeep_env.scenario.integration import Integration
 from lanekeep_env.sensing.faults import Sensor, Sensors, sensors_to_dict
 
@@ -68,6 +69,10 @@ class ScenarioRecord:
     base_step: ClassVar[float] = INTEGRATION_STEP
     #: Fields that may be given by name, number or mapping, and how they are read.
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {}
+    #: What fields take to have an effect.
+    _needs: ClassVar[tuple[Need, ...]] = ()
+    #: Records that go by a name, for many scenarios, by field: what has no effect in this one is passed over.
+    _sets: ClassVar[dict[str, Iterable[Any]]] = {}
 
     def __post_init__(self) -> None:
         for name, read in self._readers.items():
@@ -88,8 +93,10 @@ class ScenarioRecord:
     def from_keywords(cls, others: Iterable[str] = (), /, **keywords: Any) -> Self:
         """Build a scenario from the keywords of ``gym.make``; ``others`` are further ones that it may name.
 
+        The record's own constructor also takes what has no effect, for code that changes a field of a scenario.
+
         Raises:
-            ValueError: a value that is not allowed.
+            ValueError: a value that is not allowed, or has no effect in this scenario and is not the default.
             TypeError: an unknown keyword; the nearest valid one is named.
         """
         allowed = [f.name for f in fields(cls)]
@@ -97,7 +104,19 @@ class ScenarioRecord:
             if key not in allowed:
                 allowed += others
                 raise TypeError(f"unknown keyword {shown(key)}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
-        return cls(**keywords)
+        scenario = cls(**keywords)
+        refuse_idle(scenario, scenario._refused(), keywords)
+        return scenario
+
+    @property
+    def without_effect(self) -> dict[str, Need]:
+        """Fields that do not matter in this scenario whatever they say ("friction", "speed.hold"), and why."""
+        return unmet(self, self._needs)
+
+    def _refused(self) -> dict[str, Need]:
+        """Those of them that a keyword must not give."""
+        passed = [name for name, records in self._sets.items() if getattr(self, name) in records]
+        return {path: need for path, need in self.without_effect.items() if path.partition(".")[0] not in passed}
 
     def _channels(self) -> list[Channel]:
         """All channels but those that tell of new samples."""

@@ -14,6 +14,7 @@ from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads import RoadSpec, SetSpeeds, TurnOffRoads, YardRoads, set_speeds_from
 from lanekeep_env.scenario.base import Channel, Measured, steering_channels
+from lanekeep_env.scenario.effects import Need
 from lanekeep_env.scenario.road import RoadScenario
 from lanekeep_env.sensing.faults import CAMERA_CHANNELS, CAMERA_SENSOR_SETS, sensors_from
 
@@ -92,6 +93,15 @@ class CameraLaneScenario(RoadScenario):
         "camera": camera_from,
         "sensors": partial(sensors_from, channels=CAMERA_CHANNELS, sets=CAMERA_SENSOR_SETS),
     }
+    _needs: ClassVar[tuple[Need, ...]] = (
+        *RoadScenario._needs,
+        Need(
+            "plan_spacing",
+            "distance between planned samples",
+            "it takes two samples, plan >= 2, the first one is at the rear axle",
+            lambda s: s.plan >= 2,
+        ),
+    )
     preview_channel: ClassVar[str] = "planned_curvature_0"
     view: ClassVar[float] = 40.0
 

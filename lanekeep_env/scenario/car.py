@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
@@ -12,13 +12,46 @@ from lanekeep_env.checks import choose, require
 from lanekeep_env.physics.integrate import DRIVEN, LARGEST_SPEED, PROFILE
 from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
-from lanekeep_env.randomisation import Randomisation, randomisation_from
-from lanekeep_env.roads.speed import LimitedSpeed, SpeedSpec
+from lanekeep_env.randomisation import (
+    CENTRE_OF_GRAVITY,
+    FRICTION,
+    LAG,
+    RANDOMISATIONS,
+    SPEED,
+    TYRES,
+    Randomisation,
+    randomisation_from,
+)
+from lanekeep_env.roads.speed import LimitedSpeed, SetSpeeds, SpeedSpec
 from lanekeep_env.scenario.base import ScenarioRecord
+from lanekeep_env.scenario.effects import Need
 
 ACTIONS = {"steering_angle": at.STEERING_ANGLE, "steering_rate": at.STEERING_RATE}
 #: What a departure or a contact does.
 DEPARTURES = {"terminate": at.TERMINATE, "cost": at.COST, "off": at.OFF}
+
+#: Why randomised numbers have no effect where a scenario has not what they take, and whether it has.
+_DRAWN: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    TYRES: ("the car rolls without slip, so neither its mass nor its tyres move it", lambda s: s.model.slips),
+    FRICTION: ("only saturating tyres know friction, and this car has none", lambda s: s.model.saturates),
+    CENTRE_OF_GRAVITY: ("errors are the rear axle's, wherever the centre of gravity is", lambda s: s.axles[1] > 0.0),
+    SPEED: ("the car's speed follows from the actions", lambda s: s.sets_speed),
+    LAG: ("the steering of the vehicle has no lag to multiply", lambda s: s.vehicle.steering.lag > 0.0),
+}
+
+
+def _varies(scenario: Any) -> bool:
+    """Whether set speeds differ, if speeds are set."""
+    return not isinstance(scenario.speed, SetSpeeds) or scenario.speed.varies
+
+
+def _accelerates(scenario: Any) -> bool:
+    """Whether the speed changes within an episode."""
+    speed = scenario.speed
+    if not isinstance(speed, SetSpeeds):
+        return True
+    slows = scenario.slows_for_bends and speed.lateral_limit > 0.0
+    return slows or scenario.stops or (speed.varies and speed.hold is not None)
 
 
 @dataclass(frozen=True)
@@ -58,6 +91,37 @@ class CarScenario(ScenarioRecord):
     #: Bound of the channel that shows the speed, m/s.
     largest_observed_speed: ClassVar[float] = LARGEST_SPEED
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {"vehicle": vehicle_from, "randomisation": randomisation_from}
+    _sets: ClassVar[dict[str, Iterable[Any]]] = {"randomisation": RANDOMISATIONS.values()}
+    _needs: ClassVar[tuple[Need, ...]] = (
+        Need(
+            "max_steering_rate",
+            "road-wheel speed that action 1 asks for",
+            "the action is an angle; action='steering_rate' has a rate",
+            lambda s: s.action == "steering_rate",
+        ),
+        Need(
+            "reference_steering_rate",
+            "of the running cost's second term",
+            "cost_weight=0 takes that term away",
+            lambda s: s.cost_weight > 0.0,
+        ),
+        Need("speed.hold", "time of a set speed", "all set speeds are the same", _varies, neutral=(None,)),
+        Need(
+            "speed.lateral_acceleration",
+            "limit that slows the car down before bends",
+            "backwards, and between walls, the car does not know of bends before it is in them",
+            lambda s: s.slows_for_bends,
+            neutral=(None,),
+        ),
+        Need(
+            "speed.acceleration", "largest change of speed", "an episode has one speed, reached at once", _accelerates
+        ),
+        *(
+            Need(f"randomisation.{f.name}", f.metadata["what"], *_DRAWN[f.metadata["needs"]])
+            for f in fields(Randomisation)
+            if f.metadata["needs"]
+        ),
+    )
 
     def _check(self) -> None:
         choose("action", self.action, ACTIONS)
@@ -96,6 +160,21 @@ class CarScenario(ScenarioRecord):
     def axles(self) -> tuple[float, float]:
         """Distance of the front and the rear axle from the reference point, whose errors are lateral and heading, m."""
         return self.vehicle.cg_to_front_axle, self.vehicle.cg_to_rear_axle
+
+    @property
+    def sets_speed(self) -> bool:
+        """Whether the environment sets the speed, and not an action."""
+        return True
+
+    @property
+    def slows_for_bends(self) -> bool:
+        """Whether the road's bends limit the speed."""
+        return True
+
+    @property
+    def stops(self) -> bool:
+        """Whether something stops the car within an episode."""
+        return False
 
     @property
     def largest_angle(self) -> float:

@@ -16,6 +16,7 @@ from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.physics.powertrain_parameters import Powertrain, powertrain_from
 from lanekeep_env.roads import RandomRoads, RoadSpec, SpeedSpec, speed_from
 from lanekeep_env.scenario.base import Channel
+from lanekeep_env.scenario.effects import Need
 from lanekeep_env.scenario.evasive import read_sensors
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario
 
@@ -206,6 +207,21 @@ class DriveScenario(LaneKeepScenario):
         "slope": _slope_from,
         "wind": _wind_from,
     }
+    _needs: ClassVar[tuple[Need, ...]] = (
+        *LaneKeepScenario._needs,
+        *(
+            Need(
+                f"traffic.{name}", f"{name} of random timelines", "the events are given", lambda s: not s.traffic.events
+            )
+            for name in ("count", "duration", "largest_speed", "seed")
+        ),
+        Need(
+            "powertrain.creep_speed",
+            "speed at which creeping ends",
+            "creep=0 does not creep",
+            lambda s: s.powertrain.creep > 0.0,
+        ),
+    )
 
     def _check(self) -> None:
         require("reference_speed_error", self.reference_speed_error, "m/s", at_least=1e-3, at_most=1e3)
@@ -239,6 +255,11 @@ class DriveScenario(LaneKeepScenario):
     @property
     def _fastest(self) -> float:
         return LARGEST_SPEED
+
+    @property
+    def sets_speed(self) -> bool:
+        """The pedals do."""
+        return False
 
     @property
     def num_actions(self) -> int:

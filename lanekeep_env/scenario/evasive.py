@@ -14,7 +14,8 @@ from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads import EvasiveRoads, ParkingPaths, RoadSpec, SetSpeeds, SpeedSpec, set_speeds_from, speed_from
 from lanekeep_env.scenario.base import Channel, Measured, steering_channels
-from lanekeep_env.scenario.lane_keep import LaneKeepScenario
+from lanekeep_env.scenario.effects import Need
+from lanekeep_env.scenario.lane_keep import PREVIEW_INTERVAL, LaneKeepScenario
 from lanekeep_env.scenario.road import RoadScenario
 from lanekeep_env.sensing.faults import MANOEUVRE_SENSOR_SETS, MEASURED_CHANNELS, sensors_from
 
@@ -78,6 +79,7 @@ class ReversePathScenario(RoadScenario):
         "speed": set_speeds_from,
         "sensors": read_sensors,
     }
+    _needs: ClassVar[tuple[Need, ...]] = (*RoadScenario._needs, PREVIEW_INTERVAL)
 
     def _check(self) -> None:
         require("preview", self.preview, "samples", at_least=0, at_most=1000, whole=True)
@@ -88,6 +90,11 @@ class ReversePathScenario(RoadScenario):
     def model(self) -> models.CarModel:
         """The vehicle model."""
         return models.KINEMATIC_PACED
+
+    @property
+    def slows_for_bends(self) -> bool:
+        """The limit is of cars that drive forwards."""
+        return False
 
     def numbers(self) -> dict[int, Any]:
         """The kernel's settings by row of `layout`."""

@@ -15,6 +15,7 @@ from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.randomisation import FRICTION_SHARE
 from lanekeep_env.roads import LimitedSpeed, RoadSpec, RoadWorksRoads, SpeedSpec, road_set, speed_from
 from lanekeep_env.scenario.base import Channel, Measured, steering_channels
+from lanekeep_env.scenario.effects import Need
 from lanekeep_env.scenario.road import RoadScenario
 from lanekeep_env.sensing.faults import MEASURED_CHANNELS, SENSOR_SETS, sensors_from
 
@@ -24,6 +25,13 @@ _MODELS = {
     ("dynamic", "linear"): models.LINEAR,
     ("dynamic", "magic_formula"): models.MAGIC_FORMULA,
 }
+
+PREVIEW_INTERVAL = Need(
+    "preview_interval",
+    "time between preview samples",
+    "it takes two samples, preview >= 2, the first one is at the car",
+    lambda s: s.preview >= 2,
+)
 
 
 @dataclass(frozen=True)
@@ -36,7 +44,7 @@ class LaneKeepScenario(RoadScenario):
         speed: m/s, or a mapping of `LimitedSpeed`; 0.4 g of lateral acceleration and 180 km/h by default.
         dynamics: "dynamic" (sideslip and tyres) or "kinematic" (no slip).
         tyre: "linear" or "magic_formula" (saturates at friction times load); dynamic car only.
-        friction: road friction coefficient; only saturating tyres know it, with others it has no effect.
+        friction: road friction coefficient; saturating tyres only.
         preview: number of curvature samples in the observation, the first one at the car.
         preview_interval: time between preview samples at the present speed, s.
     """
@@ -52,6 +60,17 @@ class LaneKeepScenario(RoadScenario):
         "speed": speed_from,
         "sensors": partial(sensors_from, channels=MEASURED_CHANNELS, sets=SENSOR_SETS),
     }
+    _needs: ClassVar[tuple[Need, ...]] = (
+        *RoadScenario._needs,
+        PREVIEW_INTERVAL,
+        Need("tyre", "kind of tyre", "a kinematic car rolls without slip, it has no tyres", lambda s: s.model.slips),
+        Need(
+            "friction",
+            "the road's friction coefficient",
+            "only saturating tyres know it: tyre='magic_formula' with dynamics='dynamic'",
+            lambda s: s.model.saturates,
+        ),
+    )
 
     def _check(self) -> None:
         choose("dynamics", self.dynamics, ("dynamic", "kinematic"))

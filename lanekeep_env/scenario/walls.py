@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
@@ -17,6 +17,7 @@ from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads.speed import SetSpeeds, set_speeds_from
 from lanekeep_env.scenario.base import Channel, Measured, steering_channels
 from lanekeep_env.scenario.car import DEPARTURES, CarScenario, multiple_of_step
+from lanekeep_env.scenario.effects import Need, never
 from lanekeep_env.scenario.integration import Integration, rolling, slipping
 from lanekeep_env.sensing.faults import WALL_CHANNELS, WALL_SENSOR_SETS, sensors_from
 from lanekeep_env.walls import Corridor, RandomCircuits, WorldRecord, world_from
@@ -222,6 +223,20 @@ class WallFollowScenario(CarScenario):
         "steering_offset": partial(range_from, "steering_offset"),
         "sensors": partial(sensors_from, channels=WALL_CHANNELS, sets=WALL_SENSOR_SETS),
     }
+    _needs: ClassVar[tuple[Need, ...]] = (
+        *CarScenario._needs,
+        Need(
+            "encoder_direction",
+            "whether the encoder tells forwards from backwards",
+            "the car only drives forwards",
+            lambda s: s.reverses,
+        ),
+        *(
+            Need(f"scan.{name}", "of the depth camera", "beams=0 is no scan", lambda s: s.scan.beams > 0)
+            for name in (f.name for f in fields(Scan))
+            if name not in ("beams", "period")  # a period also brings the channel scan_new
+        ),
+    )
 
     def _check(self) -> None:
         choose("dynamics", self.dynamics, ("kinematic", "dynamic"))
@@ -278,6 +293,21 @@ class WallFollowScenario(CarScenario):
     def model(self) -> models.CarModel:
         """The vehicle model."""
         return models.KINEMATIC_PACED if self.dynamics == "kinematic" else models.LINEAR_PACED
+
+    @property
+    def slows_for_bends(self) -> bool:
+        """There is no road."""
+        return False
+
+    @property
+    def stops(self) -> bool:
+        """A wall does, and then the car accelerates again."""
+        return self.contact != "terminate"
+
+    @property
+    def reverses(self) -> bool:
+        """Whether the car may drive backwards."""
+        return False
 
     @property
     def largest_speed(self) -> float:
@@ -363,8 +393,8 @@ class CircuitScenario(WallFollowScenario):
         max_acceleration: either way, m/s².
         laps: after which the episode is done.
 
-    ``speed`` and ``set_distance`` have no meaning here: the car starts at rest in the middle of one of the circuit's
-    sides, within ``start_lateral_error`` of it.
+    ``speed``, ``set_distance`` and the four numbers of the running cost have no meaning here: the car starts at rest in
+    the middle of one of the circuit's sides, within ``start_lateral_error`` of it, and time is the cost.
     """
 
     task: ClassVar[int] = at.CIRCUIT
@@ -381,6 +411,16 @@ class CircuitScenario(WallFollowScenario):
     max_acceleration: float = 2.0
     laps: int = 1
 
+    _needs: ClassVar[tuple[Need, ...]] = (
+        Need("speed", "set speeds", "the second action asks for the speed, up to max_speed", never),
+        Need("set_distance", "from the wall on the right", "the car follows no wall here", never),
+        *(
+            Need(name, "of the running cost", "time is what costs here", never)
+            for name in ("reference_lateral_error", "cost_weight", "reference_steering_rate", "cost_cap")
+        ),
+        *(need for need in WallFollowScenario._needs if not need.field.startswith("speed.")),
+    )
+
     def _check(self) -> None:
         require("max_speed", self.max_speed, "m/s", at_least=1e-3, at_most=20.0)
         require("max_acceleration", self.max_acceleration, "m/s²", at_least=1e-3, at_most=1e3)
@@ -391,6 +431,16 @@ class CircuitScenario(WallFollowScenario):
     def num_actions(self) -> int:
         """Steering and speed."""
         return 2
+
+    @property
+    def sets_speed(self) -> bool:
+        """The second action does."""
+        return False
+
+    @property
+    def reverses(self) -> bool:
+        """Whether the car may drive backwards."""
+        return self.dynamics == "kinematic"
 
     @property
     def largest_speed(self) -> float:

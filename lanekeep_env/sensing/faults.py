@@ -61,6 +61,11 @@ class Sensor:
                     f"{name}.{field}={seconds!r} is not allowed: it must be a multiple of the control step, "
                     f"{control_step} s"
                 )
+        for field, other in (("jump", "jump_rate"), ("jump_rate", "jump")):
+            if getattr(self, field) > 0.0 and getattr(self, other) == 0.0:
+                raise ValueError(
+                    f"{name}.{field}={getattr(self, field)!r} has no effect: it takes a {other} > 0 as well"
+                )
         if self.jump_rate * control_step > 1.0:
             raise ValueError(f"{name}.jump_rate={self.jump_rate!r} is not allowed: at most one jump a control step")
 

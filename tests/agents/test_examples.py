@@ -38,14 +38,14 @@ def test_there_is_an_example_of_each_algorithm():
 
 @pytest.mark.parametrize("normalised", [True, False])
 def test_a_saved_model_acts_as_it_did(normalised, tmp_path):
-    env = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 4, preview=3, friction=0.9)
+    env = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 4, preview=3, lane_width=3.0)
     env = VecNormalize(env) if normalised else env
     model = PPO("MlpPolicy", env, n_steps=16, batch_size=32, n_epochs=1, seed=3, device="cpu").learn(128)
     file = tmp_path / "new" / "mine.json"
     record = lanekeep_agents.save(file, model)
     assert (record.name, record.algorithm, record.env_id) == ("mine", "PPO", "lanekeep/LaneKeep-v0")
     assert (record.training.seed, record.training.steps) == (3, 128)
-    single = gym.make("lanekeep/LaneKeep-v0", preview=3, friction=0.9)
+    single = gym.make("lanekeep/LaneKeep-v0", preview=3, lane_width=3.0)
     assert record.scenario_hash == single.unwrapped.scenario.hash
     rows = np.stack([single.reset(seed=seed)[0] for seed in range(20)])
     wanted, _ = model.predict(env.normalize_obs(rows) if normalised else rows, deterministic=True)

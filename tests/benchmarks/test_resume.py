@@ -152,7 +152,7 @@ def test_another_lanekeep_or_scenario_is_refused_by_name(killed, field, value, w
 def test_a_changed_scenario_is_refused(killed, capsys, monkeypatch):
     """The scenario of that name is now another one: its hash says so."""
     slalom, circle = SUITE.scenarios
-    longer = SuiteScenario("circle", circle.title, {**circle.keywords, "friction": 0.9}, max_episode_steps=30)
+    longer = SuiteScenario("circle", circle.title, {**circle.keywords, "lane_width": 3.0}, max_episode_steps=30)
     monkeypatch.setitem(SUITES, "short", Suite("short", "changed", (slalom, longer), 4))
     assert "scenario_hash of circle is " in refusal(killed, capsys)
 

@@ -31,7 +31,7 @@ title = "A slalom, at $5 and $6"
 [[scenario]]
 name = "circle"
 title = "A circle"
-keywords = {{ road = "circle", friction = 0.9 }}
+keywords = {{ road = "circle", lane_width = 3.9 }}
 """
 ONE = '[[scenario]]\nname = "a"\ntitle = "A"\n'
 
@@ -68,7 +68,7 @@ def test_scenarios_extend_what_is_common_keyword_by_keyword(mine):
     slalom, circle = suite.scenarios
     assert (suite.name, suite.episodes, suite.policies, suite.learned) == ("mine", 2, ("pd", "yin-lqr"), False)
     assert dict(slalom.keywords) == {"road": "slalom", "departure": "cost"}
-    assert dict(circle.keywords) == {"road": "circle", "departure": "cost", "friction": 0.9}
+    assert dict(circle.keywords) == {"road": "circle", "departure": "cost", "lane_width": 3.9}
     assert slalom.max_episode_steps == circle.max_episode_steps == 30
 
 
@@ -95,7 +95,7 @@ def test_a_file_is_driven_and_resumed_and_a_changed_one_is_refused(mine, tmp_pat
     assert again == whole
     capsys.readouterr()
     for change, words in (
-        (("0.9", "0.8"), "scenario_hash of circle is "),
+        (("3.9", "3.8"), "scenario_hash of circle is "),
         (('name = "circle"', 'name = "ring"'), "scenario_hash of ring is None there"),
         (('"mine"', '"yours"'), "suite is 'mine' there, 'yours' wanted"),
     ):

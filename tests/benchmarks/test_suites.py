@@ -1,6 +1,6 @@
 """Suites: every scenario can be built, and policies are told of the nominal car, whatever they drive."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 
@@ -8,8 +8,9 @@ import lanekeep_baselines
 from lanekeep_benchmarks.benchmark import make_plan
 from lanekeep_benchmarks.evaluate import make_lanes
 from lanekeep_benchmarks.suites import SUITES
-from lanekeep_env import SENSOR_SETS
+from lanekeep_env import RANDOMISATIONS, SENSOR_SETS
 from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.scenario.applying import applying
 
 SCENARIOS = [(suite.name, scenario) for suite in SUITES.values() for scenario in suite.scenarios]
 LEARNED = {scenario.name: scenario for scenario in SUITES["learned"].scenarios}
@@ -27,6 +28,17 @@ def test_some_controller_can_drive_every_scenario_and_sees_what_there_is(suite, 
     told = scenario.policies_scenario(definition)
     assert [channel.name for channel in told.channels] == [channel.name for channel in definition.channels]
     assert lanekeep_baselines.names(told)
+
+
+@pytest.mark.parametrize(("suite", "scenario"), SCENARIOS, ids=[f"{suite}-{s.name}" for suite, s in SCENARIOS])
+def test_titles_say_what_applies_of_a_set_of_cars(suite, scenario):
+    """Where not all of a named set has an effect, its title names what has, or what has not."""
+    definition = definition_of(scenario)
+    names = [field.name for field in fields(definition.randomisation)]
+    without = [name for name in names if name not in applying(definition)]
+    if definition.randomisation in (RANDOMISATIONS["mismatch"], RANDOMISATIONS["stress"]) and without:
+        told = [name for name in names if name in scenario.title]
+        assert told in (without, list(applying(definition)))
 
 
 @pytest.mark.parametrize("name", LEARNED)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
+from with_effect import with_effect
 
 import lanekeep_baselines
 import lanekeep_env  # noqa: F401
@@ -198,7 +199,7 @@ def test_the_van_slows_down_before_bends():
 
 def test_the_slowed_speed_is_the_slower_of_profile_and_set_speed():
     """A set speed below what a bend allows is driven through it unchanged."""
-    speed = {"minimum": 2.0, "maximum": 2.0, "hold": 1.0, "standstill": 0.0, "lateral_acceleration": 2.5}
+    speed = {"minimum": 2.0, "maximum": 2.0, "standstill": 0.0, "lateral_acceleration": 2.5}
     _, (_, v, _, _) = in_lane(road={"kind": "yard", "count": 10, "smallest_radius": 8.0}, speed=speed, steps=200)
     np.testing.assert_allclose(v, 2.0, atol=1e-12)
 
@@ -355,7 +356,12 @@ def random_keywords(rng):
         "departure": pick("terminate", "cost", "off"),
         "observation": pick("measured", "full"),
         "randomisation": pick("nominal", "mismatch", "stress"),
-        "sensors": pick(None, "production", "poor", {"edge_distance": {"delay": 0.2, "dropout": 0.9, "jump": 30.0}}),
+        "sensors": pick(
+            None,
+            "production",
+            "poor",
+            {"edge_distance": {"delay": 0.2, "dropout": 0.9, "jump": 30.0, "jump_rate": 1.0}},
+        ),
         "control_step": pick(0.04, 0.02),
         "dtype": pick("float64", "float32"),
         "autoreset_mode": pick("next_step", "same_step"),
@@ -385,6 +391,7 @@ def test_ten_thousand_random_episodes_give_numbers_inside_their_bounds():
     while episodes < 10_000:
         keywords = random_keywords(rng)
         name = (ID, ID, TURN_OFF)[rng.integers(3)]
+        keywords = with_effect(name, keywords)
         env = make(lanes, name, max_episode_steps=int(rng.integers(5, 40)), **keywords)
         space, policy, state = env.unwrapped.observation_space, guide(env.unwrapped.scenario), None
         observation, infos = env.reset(seed=int(rng.integers(2**31)))

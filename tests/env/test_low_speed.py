@@ -3,6 +3,7 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from with_effect import with_effect
 
 import lanekeep_env
 from lanekeep_env import layout as at
@@ -28,14 +29,14 @@ def circle(mass, front, rear, stiff_front, stiff_rear, v, angle):
 @pytest.mark.parametrize("randomisation", ["nominal", "mismatch", "stress"])
 @pytest.mark.parametrize("vehicle", CARS)
 def test_steady_circles_at_low_speed(vehicle, randomisation):
-    corners = lanekeep_env.RANDOMISATIONS[randomisation]
+    corners = {**vars(lanekeep_env.RANDOMISATIONS[randomisation]), "speed": 1.0}
+    cars = with_effect("lanekeep/LaneKeep-v0", {"vehicle": vehicle, "randomisation": corners})
     for v in (0.2, 0.5, 1.0, 2.0):
         envs = gym.make_vec(
             "lanekeep/LaneKeep-v0",
             num_envs=64,
             vectorization_mode="vector_entry_point",
-            vehicle=vehicle,
-            randomisation={**vars(corners), "speed": 1.0},
+            **cars,
             road="straight",
             speed=v,
             departure="off",
@@ -52,14 +53,15 @@ def test_steady_circles_at_low_speed(vehicle, randomisation):
 
 @pytest.mark.parametrize("vehicle", ["knightriders", "pses"])
 def test_steady_circles_of_cars_between_walls(vehicle):
+    corners = {**vars(lanekeep_env.RANDOMISATIONS["stress"]), "speed": 1.0}
+    cars = {"vehicle": vehicle, "dynamics": "dynamic", "randomisation": corners}
+    cars = with_effect("lanekeep/WallFollow-v0", cars)
     for v in (0.2, 0.5, 1.0, 2.0):
         envs = gym.make_vec(
             "lanekeep/WallFollow-v0",
             num_envs=64,
             vectorization_mode="vector_entry_point",
-            vehicle=vehicle,
-            dynamics="dynamic",
-            randomisation={**vars(lanekeep_env.RANDOMISATIONS["stress"]), "speed": 1.0},
+            **cars,
             world={"kind": "corridor", "length": 200.0, "width": 90.0},
             speed=v,
             contact="off",

@@ -4,6 +4,7 @@ import warnings
 
 import gymnasium as gym
 import numpy as np
+from with_effect import with_effect
 
 import lanekeep_baselines
 import lanekeep_env  # noqa: F401
@@ -99,7 +100,7 @@ def test_ten_thousand_random_episodes_give_numbers_inside_their_bounds():
     for name in (EVASIVE, REVERSE, DRIVE):
         until = episodes + 3334
         while episodes < until:
-            keywords = random_keywords(rng, name)
+            keywords = with_effect(name, random_keywords(rng, name))
             limit = int(np.exp(rng.uniform(np.log(5.0), np.log(steps))))
             env = gym.make_vec(name, lanes, "vector_entry_point", episode_steps=limit, **keywords)
             space, each = env.observation_space, env.unwrapped.single_observation_space

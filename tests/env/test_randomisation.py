@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from scipy import stats
+from with_effect import with_effect
 
 from lanekeep_env import RANDOMISATIONS, VEHICLES, Sensor
 from lanekeep_env import layout as at
@@ -219,6 +220,7 @@ def test_a_million_random_steps_over_the_whole_parameter_space():
     while done < 1_000_000:
         keywords = random_keywords(rng)
         name = ("lanekeep/LaneKeep-v0", "lanekeep/RoadWorks-v0")[int(rng.integers(2))]
+        keywords = with_effect(name, keywords)
         env = gym.make_vec(name, lanes, "vector_entry_point", max_episode_steps=50, **keywords)
         low, high = env.observation_space.low, env.observation_space.high
         env.reset(seed=int(rng.integers(2**31)))

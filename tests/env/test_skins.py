@@ -29,7 +29,7 @@ VARIANTS = [
     (CAMERA, {"vehicle": {"base": "van", "steering": {"lag": 0.2, "delay": 0.05}}, "departure": "cost"}),
     (TURN_OFF, {"sensors": "production"}),
     (WALL, {"servo": {"left": 0.35, "ticks": 50}, "start_heading_error": 0.6}),
-    (WALL, {"world": NARROW, "sensors": "poor", "scan": FAULTY_SCAN, "encoder_ticks": 8, "encoder_direction": False}),
+    (WALL, {"world": NARROW, "sensors": "poor", "scan": FAULTY_SCAN, "encoder_ticks": 8}),
     (WALL, {"dynamics": "dynamic", "randomisation": "stress", "action": "steering_rate", "speed": {"hold": 0.9}}),
     (WALL, {"vehicle": {"base": "knightriders", "steering": {"lag": 0.05, "delay": 0.07}}, "contact": "cost"}),
     (CIRCUIT, {"world": NARROW, "sensors": "production", "scan": "kinect", "encoder_ticks": 40}),

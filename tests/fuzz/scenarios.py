@@ -22,6 +22,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from with_effect import with_effect
 
 import lanekeep_env
 from lanekeep_env.envs.termination import Termination
@@ -69,6 +70,7 @@ def random_case(rng: np.random.Generator) -> Case:
     for name in sorted(set(WORDS) & set(fields)):
         if rng.random() < 0.35:
             chosen[name] = WORDS[name][int(rng.integers(len(WORDS[name])))]
+    chosen = with_effect(env_id, chosen)
     with contextlib.suppress(ValueError):  # choices that exclude each other are tried as they are
         full = gym.make(env_id, **chosen).unwrapped.scenario.to_dict()
         chosen = {**chosen, **_wrong(full, rng)}

@@ -34,22 +34,22 @@ TOGETHER["Circuit"] = TOGETHER["Wall"]
 QUICK = ("action", "sensors", "randomisation", "observation")
 
 
-def option_table() -> dict[str, dict[str, list[Any]]]:
-    """Every option of every id with values beside its default, from the registry's own test, which holds them all."""
-    sys.path.insert(0, str(HERE))
+def options_module() -> Any:
+    """The registry's own test, which holds every option of every id with values beside its default."""
+    sys.path[:0] = [str(HERE), str(HERE / "tests" / "fuzz")]
     spec = spec_from_file_location("test_registry", HERE / "tests" / "env" / "test_registry.py")
     assert spec is not None and spec.loader is not None
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.OPTIONS
+    return module
 
 
-def _alone(options: dict[str, list[Any]], quick: bool) -> Iterator[dict[str, Any]]:
+def _alone(module: Any, options: dict[str, list[Any]], quick: bool) -> Iterator[dict[str, Any]]:
+    """Each value, with what it takes beside it to have an effect: others are refused."""
     yield {}
-    for key, values in options.items():
-        for value in [*values, *(SENSOR_SETS if key == "sensors" else ())]:
-            if key != "dtype" and (key in QUICK or not quick) and not (key == "sensors" and value == values[0]):
-                yield {key: value}
+    tried = {key: values for key, values in options.items() if key != "dtype" and (key in QUICK or not quick)}
+    sensors = [value for value in (*options["sensors"], *SENSOR_SETS) if value != options["sensors"][0]]
+    yield from module.alone({**tried, "sensors": sensors}, options)
 
 
 def _together(env_id: str, options: dict[str, list[Any]]) -> Iterator[dict[str, Any]]:
@@ -66,15 +66,15 @@ def _modes(env_id: str, keywords: dict[str, Any]) -> Iterator[Case]:
             yield Case(env_id, keywords, columns, 3, extra={"autoreset_mode": mode})
 
 
-def cases_of(env_id: str, options: dict[str, list[Any]], quick: bool) -> list[Case]:
+def cases_of(env_id: str, module: Any, quick: bool) -> list[Case]:
     """Cases of one id; ``quick`` drives its defaults and a handful of options in float64."""
-    found = []
+    found, options = [], module.OPTIONS[env_id]
     for dtype in PRECISIONS[: 1 if quick else 2]:
         keywords = {"dtype": dtype}
         start = {"lateral_error": 0.02, "heading_error": -0.01}
         found += [Case(env_id, keywords, columns, 2, start=start) for columns in COLUMNS]
         found += _modes(env_id, keywords)
-        sets = [*_alone(options, quick), *([] if quick else _together(env_id, options))]
+        sets = [*_alone(module, options, quick), *([] if quick else _together(env_id, options))]
         found += [Case(env_id, keywords | more, columns, 1) for more in sets for columns in COLUMNS]
         if not quick:
             found += _modes(env_id, keywords | {"randomisation": "stress", "sensors": "poor"})
@@ -84,8 +84,9 @@ def cases_of(env_id: str, options: dict[str, list[Any]], quick: bool) -> list[Ca
 
 def all_cases(quick: bool, only: str | None) -> dict[str, list[Case]]:
     """Cases by id; ValueError if ``only`` is none of them."""
-    table = option_table()
+    module = options_module()
+    table = module.OPTIONS
     ids = [env_id for env_id in table if only in (None, env_id, env_id.partition("/")[2])]
     if not ids:
         raise ValueError(f"--only {only!r} is no environment; allowed: {', '.join(table)}")
-    return {env_id: cases_of(env_id, table[env_id], quick) for env_id in ids}
+    return {env_id: cases_of(env_id, module, quick) for env_id in ids}

@@ -4,6 +4,7 @@ import math
 
 import gymnasium as gym
 import numpy as np
+from with_effect import with_effect
 
 import lanekeep_env  # noqa: F401
 
@@ -94,7 +95,7 @@ def test_three_thousand_random_episodes_over_the_whole_parameter_range():
     for k in range(10_000):
         if episodes >= 3000:
             break
-        keywords = random_keywords(rng, k % 2)
+        keywords = with_effect(IDS[k % 2], random_keywords(rng, k % 2))
         env = gym.make_vec(IDS[k % 2], lanes, "vector_entry_point", max_episode_steps=50, **keywords)
         low, high = env.observation_space.low, env.observation_space.high
         observation, infos = env.reset(seed=int(rng.integers(2**31)))

@@ -1,0 +1,51 @@
+"""What a named set of randomised cars changes in each environment, as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import Any
+
+import gymnasium as gym
+from gymnasium.envs.registration import load_env_creator
+
+from lanekeep_env.randomisation import Randomisation
+from lanekeep_env.registration import ENVIRONMENTS
+
+#: Choices that decide what a scenario's car knows of, beside its vehicle.
+_CHOICES: dict[str, tuple[str, ...]] = {"dynamics": ("dynamic", "kinematic"), "tyre": ("linear", "magic_formula")}
+
+
+def applying(scenario: Any) -> tuple[str, ...]:
+    """Return the names of the randomised numbers that have an effect in a scenario."""
+    without = scenario.without_effect
+    return tuple(field.name for field in fields(Randomisation) if f"randomisation.{field.name}" not in without)
+
+
+def sets_table() -> str:
+    """Return what applies of a named set, a Markdown table with a row for all scenarios with the same entries."""
+    rows: dict[tuple[str, ...], list[str]] = {}
+    for label, scenario in _scenarios():
+        rows.setdefault(applying(scenario), []).append(label)
+    names = [field.name for field in fields(Randomisation)]
+    lines = [["", *(f"`{name}`" for name in names)], ["---"] + ["---"] * len(names)]
+    lines += [
+        [", ".join(labels), *("yes" if name in entries else "-" for name in names)] for entries, labels in rows.items()
+    ]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def _scenarios() -> Iterator[tuple[str, Any]]:
+    """Every environment as it is and with each choice that it has, by what to call it."""
+    for env_id in ENVIRONMENTS:
+        creator: Any = load_env_creator(str(gym.spec(env_id).entry_point))
+        record, name = creator.scenario_class, env_id.rpartition("/")[2]
+        usual = record.from_keywords()
+        yield name, usual
+        for field, choices in _CHOICES.items():
+            for choice in choices:
+                if getattr(usual, field, choice) != choice:
+                    try:
+                        yield f'{name} with `{field}="{choice}"`', record.from_keywords(**{field: choice})
+                    except ValueError:
+                        continue  # no choice of this environment

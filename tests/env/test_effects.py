@@ -1,0 +1,199 @@
+"""Keywords without effect: what is refused changes nothing when it is driven, and what is taken changes something."""
+
+import json
+from dataclasses import fields, is_dataclass
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from with_effect import scenario_class
+
+import lanekeep_env
+from lanekeep_env.roads import LimitedSpeed
+from lanekeep_env.scenario.applying import sets_table
+from lanekeep_env.scenario.base import ScenarioRecord
+
+_SPEC = spec_from_file_location("registry_options", Path(__file__).with_name("test_registry.py"))
+registry = module_from_spec(_SPEC)
+_SPEC.loader.exec_module(registry)
+
+IDS = sorted(lanekeep_env.ENVIRONMENTS)
+CONSTANT = {"minimum": 2.0, "maximum": 2.0, "standstill": 0.0, "lateral_acceleration": None}
+#: Scenarios in which something has no effect that has one elsewhere; the defaults are always tried.
+ROAD = [{"dynamics": "kinematic"}, {"preview": 1}, {"action": "steering_rate"}, {"cost_weight": 0.0}]
+CAMERA = [{"plan": 1}, {"speed": CONSTANT}, {"cost_weight": 0.0}, {"vehicle": {"base": "van", "steering": {}}}]
+WALLS = [{"dynamics": "dynamic"}, {"scan": "perfect"}, {"action": "steering_rate"}]
+SCENARIOS = {
+    "LaneKeep": [*ROAD, {"tyre": "magic_formula"}],
+    "RoadWorks": [ROAD[0], {"speed": {"lateral_acceleration": 0.5}}],
+    "Evasive": [ROAD[0], {"tyre": "linear"}],
+    "CameraLane": CAMERA,
+    "TurnOff": [{"speed": {**CONSTANT, "hold": None}}],
+    "ReversePath": [*ROAD[1:], {"speed": {**CONSTANT, "hold": None}}],
+    "Drive": [ROAD[1], {"traffic": [(0.0, "speed", 8.0)]}, {"powertrain": {"creep": 0.0}}],
+    "WallFollow": [*WALLS, {"contact": "cost"}, {"speed": {**CONSTANT, "hold": None}}],
+    "Circuit": [*WALLS, {"vehicle": {"base": "pses", "steering": {"lag": 0.05}}}],
+}
+#: Values of fields within records, where a third more of the default would not do.
+INNER = {
+    "speed.hold": lambda scenario: 10 * scenario.control_step,
+    "speed.lateral_acceleration": lambda scenario: 0.2,
+    "speed.standstill": lambda scenario: 0.4,
+    "speed.minimum": lambda scenario: (
+        (0.9 if isinstance(scenario.speed, LimitedSpeed) else 0.35) * scenario.speed.maximum
+    ),
+    "speed.maximum": lambda scenario: (
+        (0.7 if isinstance(scenario.speed, LimitedSpeed) else 1.3) * scenario.speed.maximum
+    ),
+    "camera.edge": lambda scenario: "left",
+    "scan.period": lambda scenario: 2 * scenario.control_step,
+    "scan.noise": lambda scenario: 0.1,
+    "scan.missing_every": lambda scenario: 3,
+    "scan.missing_rim": lambda scenario: 3,
+    "scan.jump_errors": lambda scenario: 0.9,
+    "scan.nearest": lambda scenario: 0.9,
+    "randomisation.cg_shift": lambda scenario: 0.05,
+    "randomisation.steering_delay": lambda scenario: 0.06,
+}
+
+
+def short(env_id):
+    return env_id.removeprefix("lanekeep/").removesuffix("-v0")
+
+
+def value_of(scenario, path):
+    for name in path.split("."):
+        scenario = getattr(scenario, name)
+    return scenario
+
+
+def another(scenario, path):
+    """A legal value of a field beside its own."""
+    if path in INNER:
+        return INNER[path](scenario)
+    value = value_of(scenario, path)
+    if isinstance(value, bool):
+        return not value
+    if path.startswith("randomisation."):
+        return 0.8 * value[0]
+    options = registry.OPTIONS[next(env_id for env_id in IDS if scenario_class(env_id) is type(scenario))]
+    choices = {"tyre": ["linear", "magic_formula"], "speed": [0.5], **{name: v for name, v in options.items() if v}}
+    for choice in choices.get(path, ()):
+        if choice != value:
+            return choice
+    return value + 3 if isinstance(value, int) else 0.7 * value
+
+
+def given(scenario, keywords, path, value):
+    """Keywords with another value at a path."""
+    top, _, inner = path.partition(".")
+    if not inner:
+        return {**keywords, top: value}
+    return {**keywords, top: {**json.loads(json.dumps(scenario.to_dict()))[top], inner: value}}
+
+
+def made(env_id, keywords, around=False):
+    """The environment; ``around`` the refusal of what has no effect."""
+    with pytest.MonkeyPatch.context() as patch:
+        if around:
+            patch.setattr(ScenarioRecord, "_refused", lambda scenario: {})
+        return gym.make_vec(env_id, 12, "vector_entry_point", autoreset_mode="same_step", **keywords)
+
+
+def driven(env):
+    """All that an environment shows of three short drives: gentle, at random, and for longer with held actions."""
+    rng, seen = np.random.default_rng(5), [np.array([env.observation_space.low, env.observation_space.high])]
+    names = [f"{channel}" for channel in env.unwrapped.channels]
+    for seed, (scale, steps) in enumerate(((0.1, 30), (1.0, 30), (1.0, 400))):
+        seen.append(env.reset(seed=seed)[0])
+        held = rng.uniform(-1.0, 1.0, env.action_space.shape)
+        for _ in range(steps):
+            action = held if seed == 2 else scale * rng.uniform(-1.0, 1.0, env.action_space.shape)
+            observation, *outcome, info = env.step(action.astype(np.float32))
+            truth = [info[name] for name in env.unwrapped.truth]
+            seen += [np.array(array, dtype=np.float64) for array in (observation, *outcome, *truth)]
+    return names, seen
+
+
+def same(one, other):
+    return one[0] == other[0] and all(
+        np.array_equal(a, b, equal_nan=True) for a, b in zip(one[1], other[1], strict=True)
+    )
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_what_is_refused_changes_nothing(env_id):
+    tried = set()
+    for keywords in ({}, *SCENARIOS[short(env_id)]):
+        scenario = made(env_id, keywords).unwrapped.scenario
+        plain = driven(made(env_id, keywords))
+        for path, need in scenario.without_effect.items():
+            if not hasattr(
+                value_of(scenario, path.rpartition(".")[0]) if "." in path else scenario, path.split(".")[-1]
+            ):
+                continue
+            changed = given(scenario, keywords, path, another(scenario, path))
+            with pytest.raises(ValueError, match="has no effect in this scenario") as error:
+                made(env_id, changed)
+            text = str(error.value)
+            assert text.startswith(f"{path}=") and need.why in text and "; allowed: " in text and "\n" not in text
+            assert same(plain, driven(made(env_id, changed, around=True))), (keywords, path)
+            tried.add(path)
+    assert tried
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_what_is_taken_changes_something(env_id):
+    """Some value of each option does; only who finishes a lap sees how many are asked for."""
+    plain, changes = {}, {}
+    for chosen in registry.alone({name: v for name, v in registry.OPTIONS[env_id].items() if name != "dtype"}):
+        *beside, name = chosen
+        keywords = {other: chosen[other] for other in beside}
+        key = json.dumps(keywords)
+        plain[key] = plain.get(key) or driven(made(env_id, keywords))
+        changes[name] = changes.get(name, False) or not same(plain[key], driven(made(env_id, chosen)))
+    assert [name for name, change in changes.items() if not change] == (["laps"] if "laps" in changes else [])
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_entries_of_records_that_are_taken_change_something(env_id):
+    """Those of a randomisation in every scenario that takes them, others in some: no bend may be sharp enough."""
+    changes = {}
+    for keywords in ({}, *SCENARIOS[short(env_id)]):
+        scenario = made(env_id, keywords).unwrapped.scenario
+        plain = driven(made(env_id, keywords))
+        for top in ("randomisation", "speed", "scan", "camera"):
+            record = getattr(scenario, top, None)
+            for field in fields(record) if is_dataclass(record) and top not in scenario.without_effect else ():
+                path = f"{top}.{field.name}"
+                if path not in scenario.without_effect:
+                    changed = given(scenario, keywords, path, another(scenario, path))
+                    change = not same(plain, driven(made(env_id, changed)))
+                    assert change or top != "randomisation", (keywords, path)
+                    changes[path] = changes.get(path, False) or change
+    assert [path for path, change in changes.items() if not change] == []
+
+
+def test_the_table_of_the_named_sets_is_the_generated_one():
+    text = (Path(__file__).parents[2] / "benchmarks" / "README.md").read_text()
+    assert sets_table() in text
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_records_are_read_back_and_named_sets_are_taken(env_id):
+    """Whatever has no effect: a record says all its fields, and a set is made for many scenarios."""
+    record = scenario_class(env_id)
+    for keywords in ({}, *SCENARIOS[short(env_id)]):
+        for drawn in lanekeep_env.RANDOMISATIONS:
+            scenario = record.from_keywords(**keywords, randomisation=drawn, sensors="poor")
+            assert scenario.randomisation == lanekeep_env.RANDOMISATIONS[drawn]
+            back = record.from_keywords(**json.loads(json.dumps(scenario.to_dict())))
+            assert back == scenario and back.hash == scenario.hash
+
+
+@pytest.mark.parametrize(("entry", "other"), [("jump", "jump_rate"), ("jump_rate", "jump")])
+def test_half_of_a_sensor_s_jumps_is_refused(entry, other):
+    with pytest.raises(ValueError, match=rf"sensors\.yaw_rate\.{entry}=0\.1 has no effect: it takes a {other} > 0"):
+        gym.make("lanekeep/LaneKeep-v0", sensors={"yaw_rate": {entry: 0.1}})
