@@ -15,7 +15,7 @@ from lanekeep_env.kernel_cache import KernelCache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-# No reassociation: a lane's result must not depend on where in a block it is computed. Contraction
+# No reassociation: a car's result must not depend on where in a block it is computed. Contraction
 # (fused multiply-add) keeps that.
 # Nothing is allocated inside, so reference counting (_nrt) is off: it costs time to compile and to run.
 _OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "_nrt": False}

@@ -1,13 +1,13 @@
-"""Which row of the kernels' arrays holds what: one column a lane.
+"""Which row of the kernels' arrays holds what: one column a car ("lane" is a road's).
 
 The kernels take a few packed arrays instead of many, because each array argument costs a call about
-0.2 µs. ``lanes`` is floating point, ``counters`` int64, ``road`` one row a segment, ``outcome`` what a
+0.2 µs. ``cars`` is floating point, ``counters`` int64, ``road`` one row a segment, ``outcome`` what a
 step returns beside the observation.
 """
 
 from __future__ import annotations
 
-# lanes: (blocks, rows, lanes of a block), so that a block is one piece of memory.
+# cars: (blocks, rows, cars of a block), so that a block is one piece of memory.
 # The state:
 ALONG = 0  # m from the start of the present road segment
 LATERAL = 1  # lateral error d, m; from here on in the order of the observation
@@ -33,7 +33,7 @@ STEER_BEFORE = 23  # road-wheel angle at the start of the control step, rad
 SIDESLIP = 24  # beta, rad
 ACCELERATION = 25  # lateral, m/s²
 STEP = 26  # control steps done in this episode
-DONE = 27  # 1 after the episode's last step, until the lane is reset
+DONE = 27  # 1 after the episode's last step, until the car is reset
 DEPARTED = 28  # 1 once the car has left the lane in this episode
 # This episode's car beside CAR:
 SPEED_FACTOR = 29  # of the squared speeds of the road's profile
@@ -85,10 +85,10 @@ ERROR = 70  # lateral, m
 TURNED = 71  # heading error, rad
 SCAN_NEW = 72  # 1 where the scan was renewed
 DIVERGED = 73  # 1 where the state is no number any more
-LANE_ROWS = 74  # further rows, as many as needed: commands (newest first), then the sensors' rows
+CAR_ROWS = 74  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
-KEY = 0  # base key of the lane (a uint64, reinterpreted)
+KEY = 0  # base key of the car (a uint64, reinterpreted)
 EPISODE = 1  # number of the episode under that key
 SEGMENT = 2  # row of the present segment in ``road``; of the centre line in a walled world
 CLIPPED = 3  # actions outside [-1, 1] since the environment was made
@@ -128,7 +128,7 @@ COST_WEIGHT = 10
 COST_RATE = 11  # reference steering rate, rad/s
 COST_CAP = 12  # 1/s
 COST_LATERAL = 13  # reference lateral error, m
-MAX_STEPS = 14  # after which a lane is truncated
+MAX_STEPS = 14  # after which a car is truncated
 AUTORESET = 15
 PREVIEW = 16
 PREVIEW_TIME = 17  # s between samples, at the present speed
@@ -170,12 +170,12 @@ LARGEST_COST = 78  # of a second, 1/s
 SECOND = 79  # row of what the second action asks for
 SECOND_LOW = 80  # its least value that counts
 SECOND_SCALE = 81  # what is asked for at 1
-GATHERED = 82  # how many channels are rows of the lanes as they stand
-CHANNELS = 83  # low and high of each channel follow, then column and source (a row of the lanes) of each gathered one
+GATHERED = 82  # how many channels are rows as they stand
+CHANNELS = 83  # low and high of each channel follow, then column and source (a row) of each gathered one
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample, then:
-SOURCE = 8  # row of the lane that holds the truth
+SOURCE = 8  # row that holds the truth
 COLUMN = 9  # of the observation
 VALID_COLUMN = 10  # of the flag that says whether the last sample saw anything, -1 for none
 MISSING = 11  # shown until anything was seen

@@ -1,7 +1,7 @@
 """Counter-based random numbers: everything random in an episode is a hash of its key and a counter.
 
 Nothing is consumed, so two policies on one key meet the same road, car and noise whatever they do,
-and a lane's episodes do not depend on its neighbours.
+and a car's episodes do not depend on its neighbours.
 """
 
 from __future__ import annotations

@@ -13,31 +13,31 @@ from lanekeep_env.checks import shown
 from lanekeep_env.engine.step import Family, reset_kernel, step_kernels
 from lanekeep_env.sensing.measure import TRUTH
 
-#: Lanes that are advanced together: enough for SIMD, few enough for the first-level cache.
+#: Cars that are advanced together: enough for SIMD, few enough for the first-level cache.
 BLOCK = 256
 
 #: What `_bind` fetches.
 _NOT_KEPT = ("ground", "index", "equipment", "step", "step_parallel", "_reset")
 
 
-class Lanes:
+class Cars:
     """State and settings of n cars, with the calls of the compiled kernel; a family adds where the cars are.
 
     Args:
         scenario: what defines the environment.
-        num_lanes: n.
+        num_cars: n.
         dtype: "float64" or "float32", the precision of the simulation.
         autoreset: `layout.NO_AUTORESET`, `NEXT_STEP` or `SAME_STEP`.
-        max_steps: control steps after which a lane is truncated; None leaves that to others.
+        max_steps: control steps after which a car is truncated; None leaves that to others.
     """
 
     family: ClassVar[Family]
     #: What ``reset(options=...)`` may fix, in the order of the kernel's start rows.
     start_options: ClassVar[tuple[str, ...]]
-    #: Row of the lanes that is infinite where no car is.
+    #: Row that is infinite where a column has no car.
     empty_row: ClassVar[int]
     #: Arrays that change while the cars drive.
-    moving: tuple[str, ...] = ("lanes", "counters")
+    moving: tuple[str, ...] = ("cars", "counters")
 
     # What `_bind` fetches, and no pickle keeps: tables and what the scenario has, and the kernels.
     ground: Any
@@ -50,29 +50,29 @@ class Lanes:
     def __init__(
         self,
         scenario: Any,
-        num_lanes: int,
+        num_cars: int,
         dtype: str,
         autoreset: int = at.NO_AUTORESET,
         max_steps: int | None = None,
     ) -> None:
         self.scenario = scenario
         self.dtype = dtype
-        self.num_lanes = num_lanes
+        self.num_cars = num_cars
         self.num_actions = scenario.num_actions
         self.num_channels = len(scenario.channels)
         self.sensors = self._sensors()
         self.settings = self._settings()
         self.settings[at.AUTORESET] = autoreset
         self.settings[at.MAX_STEPS] = max_steps or np.inf
-        blocks = -(-num_lanes // BLOCK)
-        rows = at.LANE_ROWS + int(self.settings[at.DELAY_DEPTH])
+        blocks = -(-num_cars // BLOCK)
+        rows = at.CAR_ROWS + int(self.settings[at.DELAY_DEPTH])
         if self.sensors is not None:
             rows += int((TRUTH + 1 + self.sensors[:, 4]).sum())
-        self.lanes = np.zeros((blocks, rows, -(-num_lanes // blocks)), dtype=dtype)
-        self.lanes[:, self.empty_row] = np.inf  # lanes that fill up the last block stand still
-        self.lanes[:, at.CAR : at.CAR + at.CAR_SIZE] = 1.0
-        self.counters = np.zeros((at.COUNTER_ROWS, num_lanes), dtype=np.int64)
-        self._free_start = np.full((at.START_ROWS, num_lanes), np.nan)
+        self.cars = np.zeros((blocks, rows, -(-num_cars // blocks)), dtype=dtype)
+        self.cars[:, self.empty_row] = np.inf  # cars that fill up the last block stand still
+        self.cars[:, at.CAR : at.CAR + at.CAR_SIZE] = 1.0
+        self.counters = np.zeros((at.COUNTER_ROWS, num_cars), dtype=np.int64)
+        self._free_start = np.full((at.START_ROWS, num_cars), np.nan)
         self.seeded = False
 
     def _bind(self) -> None:
@@ -112,35 +112,35 @@ class Lanes:
     @property
     def state(self) -> tuple[Any, ...]:
         """The kernel's arguments between the blocks and the action."""
-        return self.lanes, self.counters, self.ground, self.index, self.settings, self.equipment
+        return self.cars, self.counters, self.ground, self.index, self.settings, self.equipment
 
     def reset(
         self, options: dict[str, Any] | None, mask: np.ndarray, observation: np.ndarray, outcome: np.ndarray
     ) -> None:
-        """Start the next episode of the lanes in ``mask`` (bool, (n,)), writing their observations and truth."""
+        """Start the next episode of the cars in ``mask`` (bool, (n,)), writing their observations and truth."""
         start = self._start(options) if options else self._free_start
         self._reset(mask, start, *self.state, observation, outcome)
 
     def seed(self, seeds: Sequence[int | None]) -> None:
-        """Give lane i the base key of ``seeds[i]``, the first draw of Gymnasium's generator for that seed."""
+        """Give car i the base key of ``seeds[i]``, the first draw of Gymnasium's generator for that seed."""
         for i, seed in enumerate(seeds):
             if seed is not None or not self.seeded:
                 self.set_key(i, seeding.np_random(seed)[0])
         self.seeded = True
 
-    def set_key(self, lane: int, generator: np.random.Generator) -> None:
-        """Draw a lane's base key and start to count its episodes."""
-        self.counters[at.KEY, lane] = generator.integers(0, 2**64, dtype=np.uint64).astype(np.int64)
-        self.counters[at.EPISODE, lane] = -1
+    def set_key(self, car: int, generator: np.random.Generator) -> None:
+        """Draw a car's base key and start to count its episodes."""
+        self.counters[at.KEY, car] = generator.integers(0, 2**64, dtype=np.uint64).astype(np.int64)
+        self.counters[at.EPISODE, car] = -1
 
     def check_state(self, state: Mapping[str, np.ndarray]) -> None:
-        """Raise ValueError for a state, of the right shapes, that no lane has."""
+        """Raise ValueError for a state, of the right shapes, that no car has."""
         raise NotImplementedError
 
     def _start(self, options: dict[str, Any]) -> np.ndarray:
         """Read reset options; return the kernel's start rows, NaN where an episode draws."""
         allowed = self.start_options
-        start = np.full((at.START_ROWS, self.num_lanes), np.nan)
+        start = np.full((at.START_ROWS, self.num_cars), np.nan)
         if not isinstance(options, dict):
             raise ValueError(f"reset options={shown(options)} must be a mapping; allowed: {', '.join(allowed)}")
         for key, value in options.items():
@@ -151,7 +151,7 @@ class Lanes:
                 start[row] = np.asarray(value, dtype=np.float64)
             except (TypeError, ValueError, OverflowError):
                 raise ValueError(
-                    f"reset option {key}={shown(value)} must be a number or one number a lane ({self.num_lanes})"
+                    f"reset option {key}={shown(value)} must be a number or one number a car ({self.num_cars})"
                 ) from None
             if not np.isfinite(start[row]).all():
                 raise ValueError(f"reset option {key}={shown(value)} must be finite; leave it out to have it drawn")

@@ -1,4 +1,4 @@
-"""What an observation shows: each channel says which row of the lanes it comes from."""
+"""What an observation shows: each channel says which row it comes from."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from lanekeep_env.physics.numeric import clip
 
 
 @helper
-def gather(first, last, lanes, settings, observation):
-    """Write the channels that are rows of the lanes, inside their bounds; others are left as they are."""
+def gather(first, last, block, settings, observation):
+    """Write the channels that are rows of the block, inside their bounds; others are left as they are."""
     table = at.CHANNELS + 2 * observation.shape[1]
     for place in range(table, table + 2 * np.int64(settings[at.GATHERED]), 2):
-        channel, row = np.int64(settings[place]), lanes[np.int64(settings[place + 1])]
+        channel, row = np.int64(settings[place]), block[np.int64(settings[place + 1])]
         low, high = settings[at.CHANNELS + 2 * channel], settings[at.CHANNELS + 2 * channel + 1]
         seen, told = row[first:last], observation[first:last, channel]
         for i in range(last - first):

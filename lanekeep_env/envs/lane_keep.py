@@ -80,7 +80,7 @@ class LaneKeepEnv(RoadEnv):
     gym.make_vec("lanekeep/LaneKeep-v0", num_envs=1024, vectorization_mode="vector_entry_point", dtype="float32")
     ```
 
-    Lane i after `reset(seed=s)` follows the single environment after `reset(seed=s + i)`.
+    Car i after `reset(seed=s)` follows the single environment after `reset(seed=s + i)`.
 
     ## Version History
 

@@ -18,11 +18,11 @@ class OnRoads(Skin):
     scenario_class: type[RoadScenario]
 
     @staticmethod
-    def make_lanes(*arguments: Any) -> Any:
-        """Return the kernel's arrays; the arguments are those of `Lanes`."""
-        from lanekeep_env.families.road.cars import RoadLanes
+    def make_cars(*arguments: Any) -> Any:
+        """Return the kernel's arrays; the arguments are those of `Cars`."""
+        from lanekeep_env.families.road.cars import RoadCars
 
-        return RoadLanes(*arguments)
+        return RoadCars(*arguments)
 
     @staticmethod
     def make_picture(scenario: Any) -> Any:

@@ -1,4 +1,4 @@
-"""One lane of a compiled kernel as a Gymnasium environment: what all tasks share."""
+"""One car of a compiled kernel as a Gymnasium environment: what all tasks share."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
         self._picture: Any = self.make_picture(self.scenario) if render_mode else None
         self._window: Window | None = None
         self.observation_space = observation_space(self.scenario)
-        self._core = self.make_lanes(self.scenario, 1, dtype)
+        self._core = self.make_cars(self.scenario, 1, dtype)
         self._shape = (self._core.num_actions,)
         self.action_space = Box(-1.0, 1.0, self._shape, dtype=np.float32)
         self._action = np.zeros(self._shape, dtype=np.float32)

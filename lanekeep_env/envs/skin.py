@@ -17,7 +17,7 @@ RENDER_MODES = ("human", "rgb_array")
 
 
 class Skin:
-    """A family adds how its lanes and pictures are made, a task its scenario.
+    """A family adds how its cars and pictures are made, a task its scenario.
 
     Kernels are imported with the first environment of a family, so that ``import lanekeep_env`` is quick.
     """
@@ -29,8 +29,8 @@ class Skin:
     _core: Any
 
     @staticmethod
-    def make_lanes(*arguments: Any) -> Any:
-        """Return the kernel's arrays; the arguments are those of `Lanes`."""
+    def make_cars(*arguments: Any) -> Any:
+        """Return the kernel's arrays; the arguments are those of `Cars`."""
         raise NotImplementedError
 
     @staticmethod

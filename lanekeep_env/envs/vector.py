@@ -1,4 +1,4 @@
-"""Many lanes of a compiled kernel as a Gymnasium vector environment: what all tasks share."""
+"""Many cars of a compiled kernel as a Gymnasium vector environment: what all tasks share."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _AUTORESET = {
     "same_step": (at.SAME_STEP, AutoresetMode.SAME_STEP),
     "disabled": (at.NO_AUTORESET, AutoresetMode.DISABLED),
 }
-#: Lanes of one environment: what they take is within a few GB.
-MOST_LANES = 1_000_000
+#: Cars of one environment: what they take is within a few GB.
+MOST_CARS = 1_000_000
 _OWN_KEYWORDS = ("max_episode_steps", "autoreset_mode", "dtype", "num_threads", "render_mode")
 #: Truth in the infos of every family: its name and its row in the outcome.
 _TRUTH = (
@@ -41,16 +41,16 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """Vector form of a `SingleEnv`, whose docstring describes the task; `vector_twins` derives one a task.
 
     Args:
-        num_envs: number of lanes n (cars).
-        max_episode_steps: control steps after which a lane is truncated, if fewer than ``episode_steps``.
+        num_envs: number of cars n (cars).
+        max_episode_steps: control steps after which a car is truncated, if fewer than ``episode_steps``.
         autoreset_mode: "next_step" (Gymnasium's default), "same_step" or "disabled".
-        dtype: "float64" (lanes equal single environments bitwise) or "float32" (twice as fast).
-        num_threads: threads that share the lanes; 1 by default, since threads cost more than they bring
-            below a few hundred lanes.
+        dtype: "float64" (cars equal single environments bitwise) or "float32" (twice as fast).
+        num_threads: threads that share the cars; 1 by default, since threads cost more than they bring
+            below a few hundred cars.
         scenario: every keyword of the scenario.
 
-    ``reset(seed=)`` takes an int (lane i gets seed + i) or one seed a lane; ``options`` are those of the
-    single environment, one number or one a lane, and ``"reset_mask"`` (bool, (n,)) resets some lanes only.
+    ``reset(seed=)`` takes an int (car i gets seed + i) or one seed a car; ``options`` are those of the
+    single environment, one number or one a car, and ``"reset_mask"`` (bool, (n,)) resets some cars only.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         render_mode: str | None = None,
         **scenario: Any,
     ) -> None:
-        require("num_envs", num_envs, "", at_least=1, at_most=MOST_LANES, whole=True)
+        require("num_envs", num_envs, "", at_least=1, at_most=MOST_CARS, whole=True)
         require("num_threads", num_threads, "", at_least=1, at_most=numba.config.NUMBA_NUM_THREADS, whole=True)
         max_episode_steps = None if max_episode_steps == -1 else max_episode_steps  # as in gym.make
         require("max_episode_steps", max_episode_steps, "steps", at_least=1, whole=True, optional=True)
@@ -79,11 +79,11 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.num_envs = num_envs = int(num_envs)
         self.scenario = self.scenario_class.from_keywords(_OWN_KEYWORDS, **scenario)
         self.single_observation_space = observation_space(self.scenario)
-        self._core = self.make_lanes(self.scenario, num_envs, dtype, code, max_episode_steps)
+        self._core = self.make_cars(self.scenario, num_envs, dtype, code, max_episode_steps)
         self.single_action_space = Box(-1.0, 1.0, (self._core.num_actions,), dtype=np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        # What the lanes that a masked reset leaves alone showed last.
+        # What the cars that a masked reset leaves alone showed last.
         self._last = (
             np.zeros((num_envs, self._core.num_channels), dtype=np.float32),
             np.zeros((self._core.outcome_rows, num_envs), dtype=dtype),
@@ -96,13 +96,13 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     @property
     def clipped_actions(self) -> np.ndarray:
-        """Actions outside [-1, 1] since the environment was made, one count a lane."""
+        """Actions outside [-1, 1] since the environment was made, one count a car."""
         return self._core.counters[at.CLIPPED].copy()
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start an episode in every lane, or in those of ``options["reset_mask"]``."""
+        """Start an episode in every car, or in those of ``options["reset_mask"]``."""
         if not isinstance(options, dict | None):
             raise ValueError(f"reset options={shown(options)} must be a mapping")
         options = dict(options or {})
@@ -131,11 +131,11 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 f"options['reset_mask'] must be a bool array of shape ({self.num_envs},), got {shown(mask)}"
             )
         if not mask.any():
-            raise ValueError("options['reset_mask'] must select at least one lane")
+            raise ValueError("options['reset_mask'] must select at least one car")
         return mask
 
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Advance every lane by one control step; actions (n, number of actions) in [-1, 1]."""
+        """Advance every car by one control step; actions (n, number of actions) in [-1, 1]."""
         core = self._core
         given = np.asarray(actions, dtype=np.float32)
         shape = (self.num_envs, core.num_actions)
@@ -151,13 +151,13 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         observation = np.empty((n, channels), dtype=np.float32)
         rows = 2 * core.outcome_rows + channels if self._same_step else core.outcome_rows
         outcome = np.empty((rows, n), dtype=core.dtype)
-        arguments = (0, len(core.lanes), *core.state, given, observation, outcome)
+        arguments = (0, len(core.cars), *core.state, given, observation, outcome)
         if self._threads == 1:
             core.step(*arguments)
         else:
             numba.set_num_threads(self._threads)
             core.step_parallel(*arguments)
-        # A masked reset shows the other lanes again; where that is the rule they are kept from the caller's hands.
+        # A masked reset shows the other cars again; where that is the rule they are kept from the caller's hands.
         self._last = (observation.copy(), outcome.copy()) if self._masked else (observation, outcome)
         terminated = outcome[at.O_TERMINATED] > 0.0
         truncated = outcome[at.O_TRUNCATED] > 0.0
@@ -178,10 +178,10 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return {name: getattr(self._core, name).copy() for name in self._core.moving}
 
     def set_state(self, state: Mapping[str, np.ndarray]) -> None:
-        """Go on from what `get_state` returned, in this or another environment of the same scenario, lanes and dtype.
+        """Go on from what `get_state` returned, in this or another environment of the same scenario, cars and dtype.
 
         Raises:
-            ValueError: an array is missing, or its shape or dtype is another, or a number is none of a lane.
+            ValueError: an array is missing, or its shape or dtype is another, or a number is none of a car.
         """
         wanted = {name: getattr(self._core, name) for name in self._core.moving}
         if not isinstance(state, Mapping) or not all(isinstance(array, np.ndarray) for array in state.values()):
@@ -193,7 +193,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             if given.shape != array.shape or given.dtype != array.dtype:
                 raise ValueError(
                     f"state[{name!r}] is {given.dtype} {given.shape}; it must be {array.dtype} {array.shape}: take it "
-                    "from an environment of the same scenario, number of lanes and dtype"
+                    "from an environment of the same scenario, number of cars and dtype"
                 )
         self._core.check_state(state)
         for name, array in wanted.items():
@@ -201,24 +201,24 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._core.seeded = True
 
     def render(self) -> tuple[np.ndarray, ...] | None:
-        """Return the picture of every lane (render_mode "rgb_array")."""
+        """Return the picture of every car (render_mode "rgb_array")."""
         if self.render_mode is None:
             gym.logger.warn('render() needs a render_mode: gym.make_vec(..., render_mode="rgb_array")')
             return None
         if not self._pictures:
             self._pictures = [self.make_picture(self.scenario) for _ in range(self.num_envs)]
-        return tuple(picture.draw(self._core.pose(lane)) for lane, picture in enumerate(self._pictures))
+        return tuple(picture.draw(self._core.pose(car)) for car, picture in enumerate(self._pictures))
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_pictures": []}
 
     def _without_ignored(self, given: np.ndarray, wrong: np.ndarray) -> np.ndarray:
-        """Clear NaN actions of lanes that only start anew in this step; any other NaN is an error."""
-        over = self._core.lanes[:, at.DONE].reshape(-1)[: self.num_envs] > 0.0
+        """Clear NaN actions of cars that only start anew in this step; any other NaN is an error."""
+        over = self._core.cars[:, at.DONE].reshape(-1)[: self.num_envs] > 0.0
         over = np.repeat(over, self._core.num_actions)
-        lanes = np.flatnonzero(wrong & ~over) // self._core.num_actions
-        if len(lanes):
-            raise ValueError(f"action of lane {lanes[0]} is NaN; it must be a number in [-1, 1]")
+        cars = np.flatnonzero(wrong & ~over) // self._core.num_actions
+        if len(cars):
+            raise ValueError(f"action of car {cars[0]} is NaN; it must be a number in [-1, 1]")
         return np.where(wrong, np.float32(0.0), given)
 
     def _infos(self, outcome: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
@@ -238,8 +238,8 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             return
         observations = np.full(self.num_envs, None, dtype=object)
         rows = self._core.outcome_rows
-        for lane in np.flatnonzero(ended):  # the other columns were never written
-            observations[lane] = outcome[2 * rows :, lane].astype(np.float32)
+        for car in np.flatnonzero(ended):  # the other columns were never written
+            observations[car] = outcome[2 * rows :, car].astype(np.float32)
         infos["final_obs"], infos["_final_obs"] = observations, ended
         truth = np.where(ended, outcome[rows : 2 * rows], 0.0)
         infos["final_info"], infos["_final_info"] = self._infos(truth, ended), ended

@@ -24,11 +24,11 @@ class BetweenWalls(Skin):
     )
 
     @staticmethod
-    def make_lanes(*arguments: Any) -> Any:
-        """Return the kernel's arrays; the arguments are those of `Lanes`."""
-        from lanekeep_env.families.wall.cars import WallLanes
+    def make_cars(*arguments: Any) -> Any:
+        """Return the kernel's arrays; the arguments are those of `Cars`."""
+        from lanekeep_env.families.wall.cars import WallCars
 
-        return WallLanes(*arguments)
+        return WallCars(*arguments)
 
     @staticmethod
     def make_picture(scenario: Any) -> Any:

@@ -1,7 +1,7 @@
 """The equations, in the order the signal travels: steering, tyres, single track, integration.
 
 Everything here is a pure scalar function of floats (no arrays, no randomness, no globals), so that a
-loop over lanes becomes SIMD code; `integrate.py` holds that loop.
+loop over cars becomes SIMD code; `integrate.py` holds that loop.
 """
 
 from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator, VehicleParameters, vehicle_from

@@ -1,4 +1,4 @@
-"""Classical Runge-Kutta (RK4) over the lanes of a block, one sub-step of ``h`` seconds.
+"""Classical Runge-Kutta (RK4) over the cars of a block, one sub-step of ``h`` seconds.
 
 Measured order: 4 while a sub-step stays inside one road segment. What comes from outside is known at
 the start, middle and end of a sub-step: steering exactly (a held command through a first-order lag),
@@ -55,7 +55,7 @@ def named(name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 
 
 def integrator(rates: Callable[..., Any], pace: int, saturates: bool, name: str) -> Callable[..., Any]:
-    """Return the compiled loop that advances a block of lanes by ``rates``, a function of `single_track`.
+    """Return the compiled loop that advances a block of cars by ``rates``, a function of `single_track`.
 
     A car on tyres that saturate may spin: its sideslip comes round. A linear tyre's force has no end, nor has its spin,
     which is held.
@@ -69,18 +69,18 @@ def integrator(rates: Callable[..., Any], pace: int, saturates: bool, name: str)
 
     @helper
     @named(name)
-    def advance(lanes, command_row, settings, gear, floor):
-        """Advance the lanes of a block by one sub-step, in place; ``command_row`` holds the steering command."""
-        along_, d_, theta_ = lanes[at.ALONG], lanes[at.LATERAL], lanes[at.HEADING]
-        beta_, r_, steer_, command_ = lanes[at.SIDESLIP], lanes[at.YAW_RATE], lanes[at.STEER], lanes[command_row]
-        curvature_, slope_ = lanes[at.CURVATURE], lanes[at.CURVATURE_SLOPE]
-        speed_, gain_ = lanes[at.SPEED_SQUARED], lanes[at.SPEED_SQUARED_SLOPE]
-        front_, rear_, mass_, inertia_ = lanes[at.CAR], lanes[at.CAR + 1], lanes[at.CAR + 2], lanes[at.CAR + 3]
-        stiff_f_, stiff_r_ = lanes[at.CAR + 4], lanes[at.CAR + 5]
-        peak_f_, peak_r_ = lanes[at.CAR + 6], lanes[at.CAR + 7]
-        response_, change_ = lanes[at.STEER_RESPONSE], lanes[at.STEER_CHANGE]
-        motor_, share_ = lanes[at.MOTOR], lanes[at.STEER_GAIN]
-        pace_, target_, pull_ = lanes[at.SPEED], lanes[at.SPEED_TARGET], lanes[at.PULL]
+    def advance(block, command_row, settings, gear, floor):
+        """Advance the cars of a block by one sub-step, in place; ``command_row`` holds the steering command."""
+        along_, d_, theta_ = block[at.ALONG], block[at.LATERAL], block[at.HEADING]
+        beta_, r_, steer_, command_ = block[at.SIDESLIP], block[at.YAW_RATE], block[at.STEER], block[command_row]
+        curvature_, slope_ = block[at.CURVATURE], block[at.CURVATURE_SLOPE]
+        speed_, gain_ = block[at.SPEED_SQUARED], block[at.SPEED_SQUARED_SLOPE]
+        front_, rear_, mass_, inertia_ = block[at.CAR], block[at.CAR + 1], block[at.CAR + 2], block[at.CAR + 3]
+        stiff_f_, stiff_r_ = block[at.CAR + 4], block[at.CAR + 5]
+        peak_f_, peak_r_ = block[at.CAR + 6], block[at.CAR + 7]
+        response_, change_ = block[at.STEER_RESPONSE], block[at.STEER_CHANGE]
+        motor_, share_ = block[at.MOTOR], block[at.STEER_GAIN]
+        pace_, target_, pull_ = block[at.SPEED], block[at.SPEED_TARGET], block[at.PULL]
         h = settings[at.STEP_TIME]
         widest, fastest = like(h, LARGEST_SIDESLIP), like(h, LARGEST_YAW_RATE)
         ideal = settings[at.IDEAL_STEERING] > like(h, 0.0)
@@ -88,7 +88,7 @@ def integrator(rates: Callable[..., Any], pace: int, saturates: bool, name: str)
         quarter = h * like(h, 0.25)  # the slope of v² is twice the acceleration
         sixth = h * like(h, 1.0 / 6.0)
         two = like(h, 2.0)
-        for i in range(lanes.shape[1]):
+        for i in range(block.shape[1]):
             x, d, t, b, r = along_[i], d_[i], theta_[i], beta_[i], r_[i]
             k, dk = curvature_[i], slope_[i]
             if driven:
@@ -141,20 +141,20 @@ def integrator(rates: Callable[..., Any], pace: int, saturates: bool, name: str)
 
 
 def shower(outputs: Callable[..., Any], pace: int, name: str) -> Callable[..., Any]:
-    """Return the compiled loop that writes speed, sideslip, yaw rate and lateral acceleration of lanes."""
+    """Return the compiled loop that writes speed, sideslip, yaw rate and lateral acceleration of cars."""
     keeps_speed = pace != PROFILE
 
     @helper
     @named(name)
-    def show(lanes, floor):
+    def show(block, floor):
         """Write the rows SPEED, SIDESLIP, YAW_RATE and ACCELERATION of a block; wrap its headings."""
-        along_, speed_, gain_ = lanes[at.ALONG], lanes[at.SPEED_SQUARED], lanes[at.SPEED_SQUARED_SLOPE]
-        theta_, beta_, r_, steer_ = lanes[at.HEADING], lanes[at.SIDESLIP], lanes[at.YAW_RATE], lanes[at.STEER]
-        front_, rear_, mass_, inertia_ = lanes[at.CAR], lanes[at.CAR + 1], lanes[at.CAR + 2], lanes[at.CAR + 3]
-        stiff_f_, stiff_r_ = lanes[at.CAR + 4], lanes[at.CAR + 5]
-        peak_f_, peak_r_ = lanes[at.CAR + 6], lanes[at.CAR + 7]
-        v_, acceleration_ = lanes[at.SPEED], lanes[at.ACCELERATION]
-        for i in range(lanes.shape[1]):
+        along_, speed_, gain_ = block[at.ALONG], block[at.SPEED_SQUARED], block[at.SPEED_SQUARED_SLOPE]
+        theta_, beta_, r_, steer_ = block[at.HEADING], block[at.SIDESLIP], block[at.YAW_RATE], block[at.STEER]
+        front_, rear_, mass_, inertia_ = block[at.CAR], block[at.CAR + 1], block[at.CAR + 2], block[at.CAR + 3]
+        stiff_f_, stiff_r_ = block[at.CAR + 4], block[at.CAR + 5]
+        peak_f_, peak_r_ = block[at.CAR + 6], block[at.CAR + 7]
+        v_, acceleration_ = block[at.SPEED], block[at.ACCELERATION]
+        for i in range(block.shape[1]):
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
             v = v_[i] if keeps_speed else _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
             v_[i] = v

@@ -1,4 +1,4 @@
-"""Elementary functions that a compiler can vectorise, the same to the last bit in every lane.
+"""Elementary functions that a compiler can vectorise, the same to the last bit in every column.
 
 Library calls of sin, cos and atan stop SIMD code. The polynomials below are Chebyshev fits with
 absolute errors under 1e-12 in float64; in float32 rounding dominates.
@@ -24,8 +24,8 @@ def _is_number(x):
 def like(sample, constant):
     """Return ``constant`` in the precision of ``sample``.
 
-    A bare literal is float64 and would lift float32 lanes to float64, at half the speed. Arrays lift no literal: theirs
-    stays a Python number.
+    A bare literal is float64 and would lift a float32 loop to float64, at half the speed. Arrays lift no literal:
+    theirs stays a Python number.
     """
     if not _is_number(constant):
         return constant

@@ -58,46 +58,46 @@ def choose_gear(v, drive):
 
 
 @helper
-def pull(i, lanes, settings, drive):
-    """Advance pedal, gearbox and brake of lane i by a sub-step and write its longitudinal acceleration, m/s².
+def pull(i, block, settings, drive):
+    """Advance pedal, gearbox and brake of car i by a sub-step and write its longitudinal acceleration, m/s².
 
     The car does not roll backwards: whoever stands on a slope is held. All four wheels are taken to drive, and what
     they give along leaves what they give across alone.
     """
     h = settings[at.STEP_TIME]
     zero, one = like(h, 0.0), like(h, 1.0)
-    v, mass = lanes[at.SPEED, i], one / lanes[at.CAR + 2, i]
-    pedal = lanes[at.PEDAL, i]
+    v, mass = block[at.SPEED, i], one / block[at.CAR + 2, i]
+    pedal = block[at.PEDAL, i]
     share = drive[at.D_PEDAL_SHARE]
-    lanes[at.THROTTLE, i] += (larger(pedal, zero) - lanes[at.THROTTLE, i]) * share
-    lanes[at.BRAKE, i] += (larger(-pedal, zero) - lanes[at.BRAKE, i]) * share
-    throttle = lanes[at.THROTTLE, i]
-    gear, last = np.int64(lanes[at.GEAR, i]), np.int64(drive[at.D_GEARS]) - 1
+    block[at.THROTTLE, i] += (larger(pedal, zero) - block[at.THROTTLE, i]) * share
+    block[at.BRAKE, i] += (larger(-pedal, zero) - block[at.BRAKE, i]) * share
+    throttle = block[at.THROTTLE, i]
+    gear, last = np.int64(block[at.GEAR, i]), np.int64(drive[at.D_GEARS]) - 1
     ratio = drive[at.D_RATIOS + gear]
-    lanes[at.SHIFT, i] = larger(lanes[at.SHIFT, i] - h, zero)
-    if lanes[at.SHIFT, i] == zero:
+    block[at.SHIFT, i] = larger(block[at.SHIFT, i] - h, zero)
+    if block[at.SHIFT, i] == zero:
         omega = v * ratio
         if omega > drive[at.D_UP] + drive[at.D_UP_THROTTLE] * throttle and gear < last:
             gear += 1
-            lanes[at.SHIFT, i] = drive[at.D_HOLD_TIME]
+            block[at.SHIFT, i] = drive[at.D_HOLD_TIME]
         elif omega < drive[at.D_DOWN] + drive[at.D_DOWN_THROTTLE] * throttle and gear > 0:
             gear -= 1
-            lanes[at.SHIFT, i] = drive[at.D_HOLD_TIME]
-        lanes[at.GEAR, i] = gear
+            block[at.SHIFT, i] = drive[at.D_HOLD_TIME]
+        block[at.GEAR, i] = gear
         ratio = drive[at.D_RATIOS + gear]
-    interrupted = lanes[at.SHIFT, i] > drive[at.D_HOLD_TIME] - drive[at.D_SHIFT_TIME]
+    interrupted = block[at.SHIFT, i] > drive[at.D_HOLD_TIME] - drive[at.D_SHIFT_TIME]
     torque = engine_torque(engine_speed(v, ratio, drive), throttle, drive)
     # On the slipping converter a closed throttle does not drag: the car creeps.
     torque = larger(torque, zero) if v * ratio < drive[at.D_IDLE] else torque
     drives = zero if interrupted else torque * ratio * drive[at.D_EFFICIENCY] / mass
     drives += creep(v, drive)
     # Engine and brake together get no more out of the tyres than their friction, in either direction.
-    grip = (lanes[at.CAR + 6, i] + lanes[at.CAR + 7, i]) / mass
-    drives = clip(drives - lanes[at.BRAKE, i] * drive[at.D_BRAKE], -grip, grip)
-    free = drives - like(h, GRAVITY) * lanes[at.SLOPE, i] - resistance(v, lanes[at.WIND, i], drive, mass)
+    grip = (block[at.CAR + 6, i] + block[at.CAR + 7, i]) / mass
+    drives = clip(drives - block[at.BRAKE, i] * drive[at.D_BRAKE], -grip, grip)
+    free = drives - like(h, GRAVITY) * block[at.SLOPE, i] - resistance(v, block[at.WIND, i], drive, mass)
     standing = v < like(h, STANDS)
     # A car that stops within the sub-step stands at its end, whatever rounding leaves of it.
     stop = -v / h * like(h, 1.0 + 1e-6)
-    lanes[at.PULL, i] = stop if standing and free <= zero else larger(free, stop)
-    after = larger(v + lanes[at.PULL, i] * h, zero)
-    lanes[at.WAY, i] += like(h, 0.5) * (v + after) * h
+    block[at.PULL, i] = stop if standing and free <= zero else larger(free, stop)
+    after = larger(v + block[at.PULL, i] * h, zero)
+    block[at.WAY, i] += like(h, 0.5) * (v + after) * h

@@ -30,7 +30,7 @@ class Channel:
     low: float
     high: float
     description: str
-    #: Row of the kernel's lanes that it shows, or that holds the truth of its sensor; None for what something else
+    #: Row of the kernel's block that it shows, or that holds the truth of its sensor; None for what something else
     #: writes: a preview, a scan, the flags of sensors.
     source: int | None = None
     #: What measures it, None for what is known.
@@ -140,7 +140,7 @@ class ScenarioRecord:
         return next((k for k, channel in enumerate(self.channels) if channel.name == name), -1)
 
     def gathered(self, perfect: bool) -> list[tuple[int, int]]:
-        """Column and source of the channels that show rows of the lanes as they stand; measured ones if ``perfect``."""
+        """Column and source of the channels that show rows as they stand; measured ones if ``perfect``."""
         return [
             (column, channel.source)
             for column, channel in enumerate(self.channels)

@@ -31,8 +31,8 @@ def _chord(angle, curvature, slope, way):
 
 
 @helper
-def edge_distance(i, lanes, counters, road, camera):
-    """Return the distance of lane i's body axis from the road's edge, m, or NaN where the camera sees none.
+def edge_distance(i, block, counters, road, camera):
+    """Return the distance of car i's body axis from the road's edge, m, or NaN where the camera sees none.
 
     Measured from the look-ahead point, ``CAMERA_REACH`` ahead of the rear axle on the body's axis, along the body's
     lateral axis to the first point of the edge there, positive while the edge is on its own side. The edge is the
@@ -42,8 +42,8 @@ def edge_distance(i, lanes, counters, road, camera):
     """
     reach, offset, widest = camera[at.CAMERA_REACH], camera[at.CAMERA_OFFSET], camera[at.CAMERA_WIDEST]
     segment = counters[at.SEGMENT, i]
-    u = max(np.float64(lanes[at.ALONG, i]), 0.0)
-    d, angle = np.float64(lanes[at.LATERAL, i]), -np.float64(lanes[at.HEADING, i])
+    u = max(np.float64(block[at.ALONG, i]), 0.0)
+    d, angle = np.float64(block[at.LATERAL, i]), -np.float64(block[at.HEADING, i])
     length, kappa0 = np.float64(road[segment, at.R_LENGTH]), np.float64(road[segment, at.R_CURVATURE])
     slope = np.float64(road[segment, at.R_CURVATURE_SLOPE])
     sine, cosine = sin_cos(angle)

@@ -13,38 +13,38 @@ STANDING_GAP, TIME_GAP, BRAKING = 4.0, 1.5, 1.7
 
 
 @helper
-def happen(i, lanes, timeline, settings):
-    """Let the events of a timeline happen whose time has come in lane i."""
-    time = np.float64(lanes[at.STEP, i]) * np.float64(settings[at.STEP_TIME]) * np.float64(settings[at.SUBSTEPS])
+def happen(i, block, timeline, settings):
+    """Let the events of a timeline happen whose time has come in car i."""
+    time = np.float64(block[at.STEP, i]) * np.float64(settings[at.STEP_TIME]) * np.float64(settings[at.SUBSTEPS])
     time += 1e-6 + 1e-7 * time  # a single-precision step time is that much off
-    event = np.int64(lanes[at.EVENT, i])
+    event = np.int64(block[at.EVENT, i])
     while event < timeline.shape[0] and timeline[event, at.E_TIME] <= time:
         kind, first, second = timeline[event, at.E_KIND], timeline[event, at.E_FIRST], timeline[event, at.E_SECOND]
         if kind == at.SPEED_EVENT:
-            lanes[at.SET_SPEED, i] = first
+            block[at.SET_SPEED, i] = first
         elif kind == at.LEAD_EVENT:
-            lanes[at.LEAD_GAP, i] = first
-            lanes[at.LEAD_SPEED, i] = second
+            block[at.LEAD_GAP, i] = first
+            block[at.LEAD_SPEED, i] = second
         elif kind == at.LEAD_GONE:
-            lanes[at.LEAD_GAP, i] = at.FAR
-            lanes[at.LEAD_SPEED, i] = 0.0
+            block[at.LEAD_GAP, i] = at.FAR
+            block[at.LEAD_SPEED, i] = 0.0
         elif kind == at.STOP_EVENT:
-            lanes[at.STOP_GAP, i] = first
+            block[at.STOP_GAP, i] = first
         else:
-            lanes[at.STOP_GAP, i] = at.FAR
+            block[at.STOP_GAP, i] = at.FAR
         event += 1
-    lanes[at.EVENT, i] = event
+    block[at.EVENT, i] = event
 
 
 @helper
-def move_on(i, way, seconds, lanes):
-    """Move lead car and stop point of lane i relative to a car that drove ``way`` metres."""
+def move_on(i, way, seconds, block):
+    """Move lead car and stop point of car i relative to a car that drove ``way`` metres."""
     far = like(way, at.FAR)
-    if lanes[at.LEAD_GAP, i] < far:
-        gap = lanes[at.LEAD_GAP, i] + lanes[at.LEAD_SPEED, i] * seconds - way
-        lanes[at.LEAD_GAP, i] = smaller(gap, like(way, at.FAR - 1e-3))
-    if lanes[at.STOP_GAP, i] < far:
-        lanes[at.STOP_GAP, i] -= way
+    if block[at.LEAD_GAP, i] < far:
+        gap = block[at.LEAD_GAP, i] + block[at.LEAD_SPEED, i] * seconds - way
+        block[at.LEAD_GAP, i] = smaller(gap, like(way, at.FAR - 1e-3))
+    if block[at.STOP_GAP, i] < far:
+        block[at.STOP_GAP, i] -= way
 
 
 @inline

@@ -42,12 +42,12 @@ class WildRoads(RoadRecord):
 
 def truth(env):
     """The kernel's own distance, float64."""
-    return np.concatenate([block[at.EDGE] for block in env.unwrapped._core.lanes])[: env.num_envs]
+    return np.concatenate([block[at.EDGE] for block in env.unwrapped._core.cars])[: env.num_envs]
 
 
-def shown(lanes, road, where, **keywords):
+def shown(cars, road, where, **keywords):
     """Edge distance (m, NaN where none is seen) of cars put at ``where``."""
-    env = gym.make_vec(ID, lanes, "vector_entry_point", road=road, **keywords)
+    env = gym.make_vec(ID, cars, "vector_entry_point", road=road, **keywords)
     env.reset(seed=0, options=where)
     return truth(env), env.unwrapped.road_set()
 
@@ -80,17 +80,17 @@ def searched(road, s, d, theta, offset, reach=REACH):
 @pytest.mark.parametrize("edge", ["right", "left"])
 @pytest.mark.parametrize("record", [WildRoads(), YardRoads(count=40, smallest_radius=4.0)])
 def test_the_distance_is_that_of_a_fine_search_in_world_coordinates(record, edge):
-    lanes, rng = 600, np.random.default_rng(5)
+    cars, rng = 600, np.random.default_rng(5)
     where = {
-        "road_index": rng.integers(0, 40, lanes),
-        "arc_length": rng.uniform(0.0, 250.0, lanes),
-        "lateral_error": rng.uniform(-1.6, 1.6, lanes),
-        "heading_error": rng.uniform(-1.2, 1.2, lanes) * rng.random(lanes),
+        "road_index": rng.integers(0, 40, cars),
+        "arc_length": rng.uniform(0.0, 250.0, cars),
+        "lateral_error": rng.uniform(-1.6, 1.6, cars),
+        "heading_error": rng.uniform(-1.2, 1.2, cars) * rng.random(cars),
     }
-    got, roads = shown(lanes, record, where, camera={"edge": edge, "field_of_view": 1.9})
+    got, roads = shown(cars, record, where, camera={"edge": edge, "field_of_view": 1.9})
     offset = 1.5 if edge == "left" else -1.5
     compared = hidden = 0
-    for i in range(lanes):
+    for i in range(cars):
         s, d, theta = (float(where[key][i]) for key in ("arc_length", "lateral_error", "heading_error"))
         road = roads[int(where["road_index"][i])][0]
         found = searched(road, s, d, theta, offset)
@@ -108,15 +108,15 @@ def test_the_distance_is_that_of_a_fine_search_in_world_coordinates(record, edge
         elif abs(ahead - road.stations).min() > 1e-6:
             assert np.isnan(got[i]), (i, found)
             hidden += 1
-    assert compared > 0.5 * lanes and hidden > 10
+    assert compared > 0.5 * cars and hidden > 10
 
 
 @pytest.mark.parametrize("edge", ["right", "left"])
 def test_on_a_straight_it_is_the_offset_over_the_cosine(edge):
-    lanes, rng = 300, np.random.default_rng(0)
-    d, theta = rng.uniform(-1.5, 1.5, lanes), rng.uniform(-1.0, 1.0, lanes)
-    where = {"lateral_error": d, "heading_error": theta, "arc_length": np.full(lanes, 20.0)}
-    got, _ = shown(lanes, "straight", where, camera={"edge": edge, "field_of_view": math.radians(170)})
+    cars, rng = 300, np.random.default_rng(0)
+    d, theta = rng.uniform(-1.5, 1.5, cars), rng.uniform(-1.0, 1.0, cars)
+    where = {"lateral_error": d, "heading_error": theta, "arc_length": np.full(cars, 20.0)}
+    got, _ = shown(cars, "straight", where, camera={"edge": edge, "field_of_view": math.radians(170)})
     across = d + REACH * np.sin(theta)
     expected = (1.5 + (across if edge == "right" else -across)) / np.cos(theta)
     seen = ~np.isnan(got)
@@ -127,12 +127,12 @@ def test_on_a_straight_it_is_the_offset_over_the_cosine(edge):
 @pytest.mark.parametrize("edge", ["right", "left"])
 @pytest.mark.parametrize("radius", [6.0, -6.0, 9.5, -40.0, 300.0])
 def test_on_a_circle_it_is_the_chord_of_the_edge(radius, edge):
-    lanes, rng = 200, np.random.default_rng(1)
-    d, theta = rng.uniform(-1.0, 1.0, lanes), rng.uniform(-0.5, 0.5, lanes)
+    cars, rng = 200, np.random.default_rng(1)
+    d, theta = rng.uniform(-1.0, 1.0, cars), rng.uniform(-0.5, 0.5, cars)
     where = {"lateral_error": d, "heading_error": theta}
     offset = 1.5 if edge == "left" else -1.5
     got, _ = shown(
-        lanes,
+        cars,
         {"kind": "circle", "radius": radius},
         where,
         camera={"edge": edge, "field_of_view": math.radians(170)},
@@ -156,12 +156,12 @@ def test_a_gentle_curve_moves_the_edge_by_the_sagitta():
 def test_it_is_seen_inside_the_field_of_view_only():
     """On a straight, moved sideways: seen where the angle at the front axle is at most half the field of view."""
     for degrees in (40.0, 60.0, 100.0):
-        lanes = 400
-        d = np.linspace(-1.49, 8.0, lanes)
+        cars = 400
+        d = np.linspace(-1.49, 8.0, cars)
         got, _ = shown(
-            lanes,
+            cars,
             "straight",
-            {"lateral_error": d, "heading_error": np.zeros(lanes), "arc_length": np.full(lanes, 5.0)},
+            {"lateral_error": d, "heading_error": np.zeros(cars), "arc_length": np.full(cars, 5.0)},
             camera={"field_of_view": math.radians(degrees)},
         )
         angle = np.arctan2(d + 1.5, 3.5)
@@ -170,10 +170,10 @@ def test_it_is_seen_inside_the_field_of_view_only():
 
 def test_no_edge_is_seen_where_the_point_of_the_edge_has_no_marking():
     """Driving straight ahead the distance is lost while the look-ahead point, not the van, is in the gap."""
-    lanes = 401
-    s = np.linspace(70.0, 110.0, lanes)
+    cars = 401
+    s = np.linspace(70.0, 110.0, cars)
     road = MarkedStraight()
-    got, _ = shown(lanes, road, {"arc_length": s, "lateral_error": np.zeros(lanes), "heading_error": np.zeros(lanes)})
+    got, _ = shown(cars, road, {"arc_length": s, "lateral_error": np.zeros(cars), "heading_error": np.zeros(cars)})
     point = s + REACH
     clear = np.minimum(np.abs(point - 90.0), np.abs(point - 97.0)) > 1e-6
     np.testing.assert_array_equal(np.isnan(got)[clear], ((point > 90.0) & (point < 97.0))[clear])
@@ -191,11 +191,11 @@ class MarkedStraight(RoadRecord):
         return (road.without_marking([[90.0, 97.0], [self.last, 1000.0]]),)
 
 
-def drive(steps=250, lanes=1, sensor=None, start=60.0, speed=5.0, weave=0.1, **keywords):
-    """Observation (steps + 1, lanes, channels) and true distance (steps + 1, lanes) on the straight with a gap."""
+def drive(steps=250, cars=1, sensor=None, start=60.0, speed=5.0, weave=0.1, **keywords):
+    """Observation (steps + 1, cars, channels) and true distance (steps + 1, cars) on the straight with a gap."""
     env = gym.make_vec(
         ID,
-        lanes,
+        cars,
         "vector_entry_point",
         road=MarkedStraight(),
         speed=speed,
@@ -207,7 +207,7 @@ def drive(steps=250, lanes=1, sensor=None, start=60.0, speed=5.0, weave=0.1, **k
     seen, _ = env.reset(seed=3, options=options)
     seen, true = [seen], [truth(env)]
     for k in range(steps):
-        action = np.full((lanes, 1), weave * math.cos(0.2 * k), np.float32)
+        action = np.full((cars, 1), weave * math.cos(0.2 * k), np.float32)
         seen.append(env.step(action)[0])
         true.append(truth(env))
     return np.array(seen), np.array(true), [channel.name for channel in env.unwrapped.channels]
@@ -259,7 +259,7 @@ def test_no_channel_tells_of_new_samples_where_each_step_brings_one():
 
 
 def test_noise_and_bias_are_gaussian_and_leave_validity_alone():
-    seen, true, _ = drive(lanes=500, sensor={"noise": 0.04, "bias": 0.2})
+    seen, true, _ = drive(cars=500, sensor={"noise": 0.04, "bias": 0.2})
     lost = np.isnan(true)
     np.testing.assert_array_equal(seen[..., 1], ~lost)
     error = np.where(lost, np.nan, seen[..., 0] - true)
@@ -272,7 +272,7 @@ def test_noise_and_bias_are_gaussian_and_leave_validity_alone():
 
 
 def test_lost_pictures_hold_distance_and_validity():
-    seen, true, _ = drive(lanes=300, sensor={"dropout": 0.25})
+    seen, true, _ = drive(cars=300, sensor={"dropout": 0.25})
     new = seen[..., -1] == 1.0
     assert new[0].all() and 1 - new[1:].mean() == pytest.approx(0.25, abs=0.01)
     old = ~new[1:]
@@ -286,17 +286,17 @@ def test_rounding_is_to_the_nearest_step_and_the_bounds_hold():
     seen, true, _ = drive(sensor={"resolution": 0.25})
     fine = ~np.isnan(true)
     np.testing.assert_allclose(seen[..., 0][fine], 0.25 * np.floor(true[fine] / 0.25 + 0.5), atol=1e-6)
-    seen, _, _ = drive(lanes=50, sensor={"bias": 40.0}, steps=3)
+    seen, _, _ = drive(cars=50, sensor={"bias": 40.0}, steps=3)
     assert np.abs(seen[..., 0]).max() == 20.0
 
 
 def test_the_edge_of_the_other_side_has_the_same_distance_in_the_mirror():
     """Mirrored road, state and edge."""
-    lanes, rng = 100, np.random.default_rng(2)
-    d, theta = rng.uniform(-1, 1, (2, lanes)) * [[1.0], [0.4]]
-    one, _ = shown(lanes, {"kind": "circle", "radius": 15.0}, {"lateral_error": d, "heading_error": theta})
+    cars, rng = 100, np.random.default_rng(2)
+    d, theta = rng.uniform(-1, 1, (2, cars)) * [[1.0], [0.4]]
+    one, _ = shown(cars, {"kind": "circle", "radius": 15.0}, {"lateral_error": d, "heading_error": theta})
     other, _ = shown(
-        lanes,
+        cars,
         {"kind": "circle", "radius": -15.0},
         {"lateral_error": -d, "heading_error": -theta},
         camera={"edge": "left"},

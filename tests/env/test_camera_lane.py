@@ -21,14 +21,14 @@ BASE = 3.0
 IDEAL = {"base": "van", "steering": {"lag": 0.0}}
 
 
-def make(lanes, name=ID, **keywords):
-    return gym.make_vec(name, lanes, "vector_entry_point", **keywords)
+def make(cars, name=ID, **keywords):
+    return gym.make_vec(name, cars, "vector_entry_point", **keywords)
 
 
 def rows(env, *which):
-    """Rows of the kernel's lanes, side by side over the blocks."""
-    lanes = env.unwrapped._core.lanes
-    return [np.concatenate([block[row] for block in lanes])[: env.num_envs] for row in which]
+    """Rows of the kernel's cars, side by side over the blocks."""
+    cars = env.unwrapped._core.cars
+    return [np.concatenate([block[row] for block in cars])[: env.num_envs] for row in which]
 
 
 def column(env, name):
@@ -36,7 +36,7 @@ def column(env, name):
 
 
 def driven(speed, angles, seconds, **keywords):
-    """World pose (x, y, heading) of the rear axles on a straight, each with its steering angle: (steps + 1, lanes)."""
+    """World pose (x, y, heading) of the rear axles on a straight, each with its steering angle: (steps + 1, cars)."""
     env = make(
         len(angles),
         road="straight",
@@ -100,12 +100,12 @@ def test_the_van_starts_steered_along_the_road():
     assert (np.abs(kappa) > 0.05).sum() > 30
 
 
-def speeds(lanes=2000, steps=500, policy=None, **speed):
-    """Observed speeds (steps + 1, lanes) on a straight that is long enough."""
-    env = make(lanes, road="straight", speed=speed, departure="off")
+def speeds(cars=2000, steps=500, policy=None, **speed):
+    """Observed speeds (steps + 1, cars) on a straight that is long enough."""
+    env = make(cars, road="straight", speed=speed, departure="off")
     seen = [env.reset(seed=4)[0][:, 2]]
     for k in range(steps):
-        action = np.zeros((lanes, 1), np.float32) if policy is None else policy(k, lanes)
+        action = np.zeros((cars, 1), np.float32) if policy is None else policy(k, cars)
         seen.append(env.step(action)[0][:, 2])
     return np.array(seen, dtype=float)
 
@@ -124,7 +124,7 @@ def test_set_speeds_are_uniform_between_their_bounds_and_stops_have_their_share(
 
 
 def test_one_set_speed_an_episode_and_one_number_stay_as_they_are():
-    v = speeds(lanes=200, steps=300, minimum=2.0, maximum=6.0, hold=None, standstill=0.0)
+    v = speeds(cars=200, steps=300, minimum=2.0, maximum=6.0, hold=None, standstill=0.0)
     assert np.ptp(v, axis=0).max() == 0.0 and v.min() >= 2.0 and np.ptp(v[0]) > 3.0
     env = make(3, road="straight", speed=4.0)
     np.testing.assert_array_equal(env.reset(seed=0)[0][:, 2], np.float32(4.0))
@@ -136,7 +136,7 @@ def test_one_set_speed_an_episode_and_one_number_stay_as_they_are():
 @settings(max_examples=6, deadline=None)
 @given(acceleration=st.floats(0.3, 5.0), hold=st.sampled_from([0.4, 1.0, 8.0]), low=st.floats(0.0, 3.0))
 def test_the_speed_changes_no_faster_than_allowed_and_reaches_the_set_speed(acceleration, hold, low):
-    v = speeds(lanes=100, steps=300, minimum=low, maximum=6.0, hold=hold, acceleration=acceleration, standstill=0.3)
+    v = speeds(cars=100, steps=300, minimum=low, maximum=6.0, hold=hold, acceleration=acceleration, standstill=0.3)
     change = np.abs(np.diff(v, axis=0)) / 0.04
     assert change.max() <= acceleration * (1 + 1e-4) + 1e-4 and change.max() > 0.99 * acceleration
     assert v.min() >= 0.0 and v.max() <= 6.0 + 1e-5
@@ -147,8 +147,8 @@ def test_the_speed_changes_no_faster_than_allowed_and_reaches_the_set_speed(acce
 
 def test_two_policies_on_one_key_meet_the_same_set_speeds():
     rng = np.random.default_rng(0)
-    idle = speeds(lanes=50, hold=1.0)
-    busy = speeds(lanes=50, hold=1.0, policy=lambda k, n: rng.uniform(-1, 1, (n, 1)).astype(np.float32))
+    idle = speeds(cars=50, hold=1.0)
+    busy = speeds(cars=50, hold=1.0, policy=lambda k, n: rng.uniform(-1, 1, (n, 1)).astype(np.float32))
     np.testing.assert_array_equal(idle, busy)
 
 
@@ -168,9 +168,9 @@ def test_at_standstill_only_the_steering_moves_and_the_van_starts_again():
     assert stood > 1000 and went > 100 and turned > 500
 
 
-def in_lane(name=ID, lanes=100, steps=600, **keywords):
-    """(road of each lane, s, v, lateral acceleration) as the exact inverse drives: the van stays near the centre."""
-    env = make(lanes, name, vehicle=IDEAL, departure="off", episode_steps=steps, **keywords)
+def in_lane(name=ID, cars=100, steps=600, **keywords):
+    """(road of each car, s, v, lateral acceleration) as the exact inverse drives: the van stays near the centre."""
+    env = make(cars, name, vehicle=IDEAL, departure="off", episode_steps=steps, **keywords)
     policy, state = lanekeep_baselines.make("traechtler-inverse", env.unwrapped.scenario), None
     observation, infos = env.reset(seed=2)
     roads = [env.unwrapped.road_set()[k][0] for k in env.unwrapped._core.counters[at.ROAD]]
@@ -193,7 +193,7 @@ def test_the_van_slows_down_before_bends():
     assert np.abs(np.diff(v, axis=0)).max() <= 1.2 * 0.04 * 1.05
     assert v.max() == pytest.approx(6.0, abs=1e-6) and v.min() < 3.0
     assert (v[0] < 5.9).any()  # starts in bends, too
-    _, (_, free, _, _) = in_lane(lanes=20, steps=100, speed={**speed, "lateral_acceleration": None})
+    _, (_, free, _, _) = in_lane(cars=20, steps=100, speed={**speed, "lateral_acceleration": None})
     np.testing.assert_allclose(free, 6.0, atol=1e-12)
 
 
@@ -222,7 +222,7 @@ def test_turning_off_starts_at_the_beginning_of_the_road():
 
 
 def test_turning_off_loses_the_edge_and_finds_it_again():
-    roads, _ = in_lane(TURN_OFF, lanes=10, steps=10)
+    roads, _ = in_lane(TURN_OFF, cars=10, steps=10)
     env = make(10, TURN_OFF, vehicle=IDEAL, speed=4.0)
     policy, state = lanekeep_baselines.make("traechtler-inverse", env.unwrapped.scenario), None
     observation, infos = env.reset(seed=2)
@@ -385,17 +385,17 @@ def guide(scenario):
 
 
 def test_ten_thousand_random_episodes_give_numbers_inside_their_bounds():
-    """A third of the lanes steers straight, a third at random, a third is guided."""
+    """A third of the cars steers straight, a third at random, a third is guided."""
     rng = np.random.default_rng(1992)
-    episodes, lanes = 0, 120
+    episodes, cars = 0, 120
     while episodes < 10_000:
         keywords = random_keywords(rng)
         name = (ID, ID, TURN_OFF)[rng.integers(3)]
         keywords = with_effect(name, keywords)
-        env = make(lanes, name, max_episode_steps=int(rng.integers(5, 40)), **keywords)
+        env = make(cars, name, max_episode_steps=int(rng.integers(5, 40)), **keywords)
         space, policy, state = env.unwrapped.observation_space, guide(env.unwrapped.scenario), None
         observation, infos = env.reset(seed=int(rng.integers(2**31)))
-        over = np.ones(lanes, dtype=bool)
+        over = np.ones(cars, dtype=bool)
         for _ in range(80):
             assert space.contains(observation), keywords
             assert all(np.isfinite(infos[key]).all() for key in infos if key[0] != "_" and key[:5] != "final"), keywords

@@ -294,13 +294,13 @@ from lanekeep_env import layout as at
 from lanekeep_env.compile import kernel
 from lanekeep_env.physics import models
 def drive(model, advance):
-    def go(lanes, settings):
-        advance(lanes, at.COMMAND, settings, None, None)
+    def go(cars, settings):
+        advance(cars, at.COMMAND, settings, None, None)
     go.__qualname__ = go.__name__ = "go_" + model
     go = kernel()(go)
-    lanes, settings = np.full((at.LANE_ROWS, 1), 0.5), np.full(at.CHANNELS, 0.01)
-    go(lanes, settings)
-    print(lanes[at.LATERAL, 0].hex(), sum(go.stats.cache_hits.values()))
+    cars, settings = np.full((at.CAR_ROWS, 1), 0.5), np.full(at.CHANNELS, 0.01)
+    go(cars, settings)
+    print(cars[at.LATERAL, 0].hex(), sum(go.stats.cache_hits.values()))
 for model in sys.argv[1:]:
     drive(model, getattr(models, model.upper()).advance)
 """

@@ -29,7 +29,7 @@ def broken(env_id, row, value, **keywords):
     envs.reset(seed=0)
     actions = np.zeros(envs.action_space.shape, np.float32)
     envs.step(actions)
-    envs.unwrapped._core.lanes[0, ROWS[row], 1] = value  # `set_state` would refuse it
+    envs.unwrapped._core.cars[0, ROWS[row], 1] = value  # `set_state` would refuse it
     began = time.perf_counter()
     told = envs.step(actions)
     return envs, told, time.perf_counter() - began

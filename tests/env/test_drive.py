@@ -27,8 +27,8 @@ def make(speed=0.0, events=(), **keywords):
 
 
 def row(env, *rows):
-    """Rows of the kernel's only lane, in its own precision."""
-    values = [float(env.unwrapped._core.lanes[0, number, 0]) for number in rows]
+    """Rows of the kernel's only car, in its own precision."""
+    values = [float(env.unwrapped._core.cars[0, number, 0]) for number in rows]
     return values if len(values) > 1 else values[0]
 
 
@@ -412,9 +412,9 @@ def test_random_timelines_rise_in_time_and_stay_within_their_numbers():
 def test_slope_and_wind_are_drawn_within_their_bounds():
     env = gym.make_vec(DRIVE, 2000, "vector_entry_point", slope=(-0.1, 0.05), wind=(2.0, 6.0))
     env.reset(seed=0)
-    lanes = env.unwrapped._core.lanes
+    cars = env.unwrapped._core.cars
     for number, low, high in ((at.SLOPE, math.sin(-0.1), math.sin(0.05)), (at.WIND, 2.0, 6.0)):
-        values = np.concatenate([block[number] for block in lanes])[:2000]
+        values = np.concatenate([block[number] for block in cars])[:2000]
         assert values.min() >= low and values.max() <= high
         assert values.mean() == pytest.approx((low + high) / 2, abs=0.03 * (high - low))
         assert np.ptp(values) > 0.99 * (high - low)

@@ -17,7 +17,7 @@ LARGEST = 0.5  # rad at action 1
 
 
 def run(commands, name=CAMERA, dt=0.01, **steering):
-    """Motor and road-wheel angle (steps, lanes), float64, for commands in rad, (steps,) or (steps, lanes)."""
+    """Motor and road-wheel angle (steps, cars), float64, for commands in rad, (steps,) or (steps, cars)."""
     commands = np.asarray(commands, dtype=float)
     commands = commands[:, None] if commands.ndim == 1 else commands
     env = gym.make_vec(
@@ -37,8 +37,8 @@ def run(commands, name=CAMERA, dt=0.01, **steering):
     for row in commands:
         env.step(np.float32(row / LARGEST)[:, None])
         for row, kept in ((at.MOTOR, motor), (at.STEER, wheel)):
-            lanes = env.unwrapped._core.lanes
-            kept.append(np.concatenate([block[row] for block in lanes])[: commands.shape[1]])
+            cars = env.unwrapped._core.cars
+            kept.append(np.concatenate([block[row] for block in cars])[: commands.shape[1]])
     return np.array(motor), np.array(wheel)
 
 

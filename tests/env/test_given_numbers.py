@@ -73,8 +73,8 @@ def test_seeds_are_whole_numbers_however_large(env_id):
     many = gym.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point")
     for seed in (HUGE, 2**64, np.int64(5), 0):
         first, _ = one.reset(seed=seed)
-        lanes, _ = many.reset(seed=seed)
-        np.testing.assert_array_equal(lanes[0], first)
+        cars, _ = many.reset(seed=seed)
+        np.testing.assert_array_equal(cars[0], first)
         np.testing.assert_array_equal(many.reset(seed=[seed, None])[0][0], first)
     for seed in (-1, -HUGE, 1.5, float("nan"), "a", "12"):
         refusal(lambda seed=seed: one.reset(seed=seed))
@@ -93,37 +93,37 @@ def test_states_of_drives_are_taken_and_others_refused(env_id, dtype):
     """What `get_state` gives goes in again at any time; damaged states are refused, or driven on without a crash."""
     make = {"vectorization_mode": "vector_entry_point", "randomisation": "stress", "max_episode_steps": 40}
     env = gym.make_vec(env_id, num_envs=5, dtype=dtype, **make)
-    lanes, rng = env.unwrapped, np.random.default_rng(0)
+    cars, rng = env.unwrapped, np.random.default_rng(0)
     env.reset(seed=1)
     for _ in range(100):
-        lanes.set_state(lanes.get_state())
+        cars.set_state(cars.get_state())
         env.step(rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32))
-    good, refused = lanes.get_state(), 0
-    driven = isinstance(lanes.scenario, lanekeep_env.DriveScenario)
+    good, refused = cars.get_state(), 0
+    driven = isinstance(cars.scenario, lanekeep_env.DriveScenario)
     values = [np.nan, np.inf, -np.inf, -1.0, 1e4, 1e9, 1e30, -1e30, 0.5]
     for _ in range(150):
         state = {name: array.copy() for name, array in good.items()}
-        state["lanes"][0, rng.integers(at.LANE_ROWS), rng.integers(5)] = rng.choice(values)
-        refused += taken(lanes, state)
+        state["cars"][0, rng.integers(at.CAR_ROWS), rng.integers(5)] = rng.choice(values)
+        refused += taken(cars, state)
     for row, size in ((at.SEGMENT, 10**6), (at.ROAD, 10**6), (at.TIMELINE, 10**6)):
         for value in (-1, size, 2**62, -(2**63)):
             state = {name: array.copy() for name, array in good.items()}
             state["counters"][row, 2] = value
             used = row != at.TIMELINE or driven
-            assert taken(lanes, state) == used
+            assert taken(cars, state) == used
     assert refused > 10
 
 
-def taken(lanes, state):
-    """Set a state and drive on; whether it was refused, which leaves the lanes as they were."""
-    before = lanes.get_state()
+def taken(cars, state):
+    """Set a state and drive on; whether it was refused, which leaves the cars as they were."""
+    before = cars.get_state()
     try:
-        lanes.set_state(state)
+        cars.set_state(state)
     except ValueError as error:
         assert str(error).startswith("state") and "\n" not in str(error)
-        for name, array in lanes.get_state().items():
+        for name, array in cars.get_state().items():
             np.testing.assert_array_equal(array, before[name])
         return True
     for _ in range(2):
-        lanes.step(np.zeros(lanes.action_space.shape, dtype=np.float32))
+        cars.step(np.zeros(cars.action_space.shape, dtype=np.float32))
     return False

@@ -185,10 +185,10 @@ def test_wrong_actions_are_named():
     vector.reset(seed=0)
     with pytest.raises(ValueError, match=r"shape \(3,\); they must have shape \(3, 1\)"):
         vector.step(np.zeros(3, np.float32))
-    before = vector.unwrapped._core.lanes.copy()
-    with pytest.raises(ValueError, match="lane 1 is NaN"):
+    before = vector.unwrapped._core.cars.copy()
+    with pytest.raises(ValueError, match="car 1 is NaN"):
         vector.step(np.array([[0], [np.nan], [0]], np.float32))
-    np.testing.assert_array_equal(before, vector.unwrapped._core.lanes)
+    np.testing.assert_array_equal(before, vector.unwrapped._core.cars)
 
 
 def test_wrong_reset_options_are_named():
@@ -212,7 +212,7 @@ def test_a_lane_that_starts_anew_ignores_its_action():
         env.step(np.zeros((2, 1), np.float32))
     env.step(np.array([[np.nan], [7.0]], np.float32))
     np.testing.assert_array_equal(env.unwrapped.clipped_actions, [0, 0])
-    with pytest.raises(ValueError, match="lane 0 is NaN"):
+    with pytest.raises(ValueError, match="car 0 is NaN"):
         env.step(np.array([[np.nan], [0.0]], np.float32))
 
 

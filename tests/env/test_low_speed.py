@@ -14,7 +14,7 @@ CARS = sorted(lanekeep_env.VEHICLES)
 def drawn(envs):
     """Mass, distances to the axles and stiffnesses of each car of a vector environment."""
     n = envs.num_envs
-    rows = envs.unwrapped._core.lanes[:, at.CAR : at.CAR + at.CAR_SIZE].transpose(1, 0, 2).reshape(at.CAR_SIZE, -1)
+    rows = envs.unwrapped._core.cars[:, at.CAR : at.CAR + at.CAR_SIZE].transpose(1, 0, 2).reshape(at.CAR_SIZE, -1)
     front, rear, inverse_mass, _, stiff_front, stiff_rear, _, _ = rows[:, :n]
     return 1.0 / inverse_mass, front, rear, stiff_front, stiff_rear
 

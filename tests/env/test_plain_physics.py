@@ -1,6 +1,6 @@
 """The scalar physics as it is written, run by Python's floats, NumPy's arrays and JAX, against the compiled loops.
 
-A sub-step is written here once more from the public scalar functions, without lanes; what is compiled comes from the
+A sub-step is written here once more from the public scalar functions, without rows; what is compiled comes from the
 table of models.
 """
 
@@ -34,7 +34,7 @@ def drawn(seed):
     base, load = front + rear, rng.uniform(0.3, 1.0, N) * 9.81 * mass / (front + rear)
     speed = base * rng.uniform(0.0, 10.0, N)
     cars = (front, rear, 1 / mass, 1 / inertia, stiff_front, stiff_rear, load * rear, load * front)
-    lanes = {at.CAR + k: row for k, row in enumerate(cars)}
+    cars = {at.CAR + k: row for k, row in enumerate(cars)}
     spans = {
         at.LATERAL: 0.5,
         at.HEADING: 0.4,
@@ -46,13 +46,13 @@ def drawn(seed):
         at.CURVATURE_SLOPE: 0.01,
         at.PULL: 3.0,
     }
-    lanes |= {row: rng.uniform(-span, span, N) for row, span in spans.items()}
+    cars |= {row: rng.uniform(-span, span, N) for row, span in spans.items()}
     for row in spans:
-        lanes[row][0] = 0.0
+        cars[row][0] = 0.0
     speed[0] = 5.0
-    return lanes | {
+    return cars | {
         at.ALONG: rng.uniform(-1.0, 5.0, N),
-        at.MOTOR: lanes[at.STEER] + rng.uniform(-0.01, 0.01, N),
+        at.MOTOR: cars[at.STEER] + rng.uniform(-0.01, 0.01, N),
         at.SPEED: speed,
         at.SPEED_TARGET: speed + rng.uniform(-1.0, 1.0, N),
         at.SPEED_SQUARED: speed**2,
@@ -71,13 +71,13 @@ def compiled(model, gear, floor):
     gear = None if gear is None else np.array(gear)
 
     @numba.njit
-    def loop(lanes, gear, floor, steps):
+    def loop(cars, gear, floor, steps):
         for _ in range(steps):
-            advance(lanes, at.COMMAND, settings, gear, floor)
+            advance(cars, at.COMMAND, settings, gear, floor)
 
-    def run(lanes, steps):
-        block = np.full((at.LANE_ROWS, N), np.nan)
-        for row, values in lanes.items():
+    def run(cars, steps):
+        block = np.full((at.CAR_ROWS, N), np.nan)
+        for row, values in cars.items():
             block[row] = values
         loop(block, gear, floor, steps)
         return block[list(CHANGING)]
@@ -85,49 +85,49 @@ def compiled(model, gear, floor):
     return run
 
 
-def steered(lane, gear):
+def steered(car, gear):
     """Motor and road-wheel angle in the middle and at the end of a sub-step."""
-    wheel, command = lane[at.STEER], lane[at.COMMAND]
-    response, change = lane[at.STEER_RESPONSE], lane[at.STEER_CHANGE]
+    wheel, command = car[at.STEER], car[at.COMMAND]
+    response, change = car[at.STEER_RESPONSE], car[at.STEER_CHANGE]
     if gear is None:
         middle = advance_steering(wheel, command, response, change)
-        return lane[at.MOTOR], middle, advance_steering(middle, command, response, change)
+        return car[at.MOTOR], middle, advance_steering(middle, command, response, change)
     half_gap, on_motor = gear
-    numbers = command, response, lane[at.STEER_GAIN], change, half_gap, on_motor > 0.0
-    motor, middle = advance_gear(lane[at.MOTOR], wheel, *numbers)
+    numbers = command, response, car[at.STEER_GAIN], change, half_gap, on_motor > 0.0
+    motor, middle = advance_gear(car[at.MOTOR], wheel, *numbers)
     motor, end = advance_gear(motor, middle, *numbers)
     return motor, middle, end
 
 
-def speeds(lane, pace):
+def speeds(car, pace):
     """Speed at the start, in the middle and at the end of a sub-step, and what is kept of it."""
-    v = lane[at.SPEED]
+    v = car[at.SPEED]
     if pace == DRIVEN:
-        middle, end = (clip(v + share * H * lane[at.PULL], 0.0, LARGEST_SPEED) for share in (0.5, 1.0))
+        middle, end = (clip(v + share * H * car[at.PULL], 0.0, LARGEST_SPEED) for share in (0.5, 1.0))
         return v, middle, end, end
-    squared = lane[at.SPEED_SQUARED] + lane[at.SPEED_SQUARED_SLOPE] * larger(lane[at.ALONG], 0.0)
+    squared = car[at.SPEED_SQUARED] + car[at.SPEED_SQUARED_SLOPE] * larger(car[at.ALONG], 0.0)
     profile = sqrt(larger(squared, 0.0))
     if pace == PACED:
-        missing, most = smaller(lane[at.SPEED_TARGET], profile) - v, LARGEST_SPEED_CHANGE
+        missing, most = smaller(car[at.SPEED_TARGET], profile) - v, LARGEST_SPEED_CHANGE
         middle, end = (smaller(v + clip(missing, -part, part), profile) for part in (0.5 * most, most))
         return v, middle, end, end
-    middle, end = (larger(profile + share * H * lane[at.SPEED_SQUARED_SLOPE], 0.0) for share in (0.25, 0.5))
+    middle, end = (larger(profile + share * H * car[at.SPEED_SQUARED_SLOPE], 0.0) for share in (0.25, 0.5))
     return profile, middle, end, v
 
 
-def substep(model, lane, gear, floor):
+def substep(model, car, gear, floor):
     """The rows of a car a sub-step later, by classical Runge-Kutta."""
-    motor, steer_middle, steer_end = steered(lane, gear)
-    v, v_middle, v_end, kept = speeds(lane, model.pace)
-    car = (*(lane[at.CAR + k] for k in range(at.CAR_SIZE)), floor)
-    begin = [lane[row] for row in STATE]
+    motor, steer_middle, steer_end = steered(car, gear)
+    v, v_middle, v_end, kept = speeds(car, model.pace)
+    numbers = (*(car[at.CAR + k] for k in range(at.CAR_SIZE)), floor)
+    begin = [car[row] for row in STATE]
 
     def rates(share, before, steer, v):
         along, *rest = (x + share * H * rate for x, rate in zip(begin, before, strict=True))
-        kappa = lane[at.CURVATURE] + lane[at.CURVATURE_SLOPE] * larger(along, 0.0)
-        return model.rates(*rest, steer, v, kappa, car)
+        kappa = car[at.CURVATURE] + car[at.CURVATURE_SLOPE] * larger(along, 0.0)
+        return model.rates(*rest, steer, v, kappa, numbers)
 
-    k1 = rates(0.0, [0.0] * 5, lane[at.STEER], v)
+    k1 = rates(0.0, [0.0] * 5, car[at.STEER], v)
     k2 = rates(0.5, k1, steer_middle, v_middle)
     k3 = rates(0.5, k2, steer_middle, v_middle)
     k4 = rates(1.0, k3, steer_end, v_end)
@@ -137,12 +137,12 @@ def substep(model, lane, gear, floor):
     beta = wrapped(beta) if model.saturates else clip(beta, -LARGEST_SIDESLIP, LARGEST_SIDESLIP)
     yaw_rate = clip(yaw_rate, -LARGEST_YAW_RATE, LARGEST_YAW_RATE)
     after = along, lateral, heading, beta, yaw_rate, steer_end, motor, kept
-    return lane | dict(zip(CHANGING, after, strict=True))
+    return car | dict(zip(CHANGING, after, strict=True))
 
 
-def driven_by_floats(model, lanes, gear, floor):
+def driven_by_floats(model, rows, gear, floor):
     """The rows after a sub-step, car by car, with Python's floats alone."""
-    cars = [{row: float(values[k]) for row, values in lanes.items()} for k in range(N)]
+    cars = [{row: float(values[k]) for row, values in rows.items()} for k in range(N)]
     after = [substep(model, car, gear, floor) for car in cars]
     return np.array([[car[row] for car in after] for row in CHANGING])
 
@@ -174,10 +174,10 @@ def test_all_models_are_compared():
 @every_model
 def test_a_substep_by_floats_and_by_arrays_is_the_compiled_one(model, gear, floor):
     """Arrays know no truth of their own: a branch on data would raise."""
-    lanes = drawn(1)
-    expected = compiled(model, gear, floor)(lanes, 1)
-    assert_same(driven_by_floats(model, lanes, gear, floor), expected)
-    after = substep(model, lanes, gear, floor)
+    cars = drawn(1)
+    expected = compiled(model, gear, floor)(cars, 1)
+    assert_same(driven_by_floats(model, cars, gear, floor), expected)
+    after = substep(model, cars, gear, floor)
     assert_same([np.broadcast_to(after[row], N) for row in CHANGING], expected)
 
 
@@ -191,12 +191,12 @@ def jax():
 def traced(jax, model, gear, floor):
     """Return the rows after `STEPS` sub-steps as a function of rows and commands, for JAX to transform."""
 
-    def run(command, lanes):
-        def step(lane, _):
-            return substep(model, lane, gear, floor), None
+    def run(command, cars):
+        def step(car, _):
+            return substep(model, car, gear, floor), None
 
-        lanes = jax.tree.map(jax.numpy.asarray, lanes | {at.COMMAND: command})
-        after, _ = jax.lax.scan(step, lanes, length=STEPS)
+        cars = jax.tree.map(jax.numpy.asarray, cars | {at.COMMAND: command})
+        after, _ = jax.lax.scan(step, cars, length=STEPS)
         return after
 
     return run
@@ -205,13 +205,13 @@ def traced(jax, model, gear, floor):
 @pytest.mark.parametrize("model, gear, floor", TRACED, ids=lambda value: getattr(value, "name", ""))
 def test_jax_traces_many_substeps_and_their_gradients(model, gear, floor, jax):
     """The gradient of the last lateral error by the steering command, against compiled central differences."""
-    lanes = drawn(2)
+    cars = drawn(2)
     many, plain = traced(jax, model, gear, floor), compiled(model, gear, floor)
-    after = jax.jit(many)(lanes[at.COMMAND], lanes)
-    assert_same([after[row] for row in CHANGING], plain(lanes, STEPS))
-    gradient = jax.jit(jax.grad(lambda command, lanes: many(command, lanes)[at.LATERAL].sum()))
-    found = np.asarray(gradient(lanes[at.COMMAND], lanes))
+    after = jax.jit(many)(cars[at.COMMAND], cars)
+    assert_same([after[row] for row in CHANGING], plain(cars, STEPS))
+    gradient = jax.jit(jax.grad(lambda command, cars: many(command, cars)[at.LATERAL].sum()))
+    found = np.asarray(gradient(cars[at.COMMAND], cars))
     step = 1e-6
-    up, down = (plain(lanes | {at.COMMAND: lanes[at.COMMAND] + change}, STEPS)[1] for change in (step, -step))
+    up, down = (plain(cars | {at.COMMAND: cars[at.COMMAND] + change}, STEPS)[1] for change in (step, -step))
     assert np.isfinite(found).all() and (found != 0.0).any()
     np.testing.assert_allclose(found, (up - down) / (2.0 * step), rtol=1e-5, atol=1e-7)

@@ -94,19 +94,19 @@ def driver(guided, scenario):
 
 
 def test_ten_thousand_random_episodes_give_numbers_inside_their_bounds():
-    """Half of the lanes hold random actions, gentle ones and ones at the limits; half are steered by a policy."""
-    rng, lanes, steps = np.random.default_rng(2008), 16, 120
+    """Half of the cars hold random actions, gentle ones and ones at the limits; half are steered by a policy."""
+    rng, cars, steps = np.random.default_rng(2008), 16, 120
     episodes, guided = 0, {}
     for name in (EVASIVE, REVERSE, DRIVE):
         until = episodes + 3334
         while episodes < until:
             keywords = with_effect(name, random_keywords(rng, name))
             limit = int(np.exp(rng.uniform(np.log(5.0), np.log(steps))))
-            env = gym.make_vec(name, lanes, "vector_entry_point", episode_steps=limit, **keywords)
+            env = gym.make_vec(name, cars, "vector_entry_point", episode_steps=limit, **keywords)
             space, each = env.observation_space, env.unwrapped.single_observation_space
             policy, state = driver(guided, env.unwrapped.scenario), None
             observation, infos = env.reset(seed=int(rng.integers(2**31)))
-            over = np.ones(lanes, dtype=bool)
+            over = np.ones(cars, dtype=bool)
             for k in range(steps):
                 assert space.contains(observation), keywords
                 assert all(np.isfinite(infos[key]).all() for key in infos if key[0] != "_" and key[:5] != "final"), (
@@ -129,9 +129,9 @@ def test_ten_thousand_random_episodes_give_numbers_inside_their_bounds():
                     guided[policy.name] = guided.get(policy.name, 0) + int(over[::2].sum())
                 for last in infos["final_obs"][over] if "final_obs" in infos else ():
                     assert each.contains(last), keywords
-            assert np.isfinite(env.unwrapped._core.lanes[:, at.ALONG : at.COMMAND + 1]).all(), keywords
+            assert np.isfinite(env.unwrapped._core.cars[:, at.ALONG : at.COMMAND + 1]).all(), keywords
             if name == DRIVE:
-                assert (env.unwrapped._core.lanes[:, at.SPEED] >= 0.0).all(), keywords
+                assert (env.unwrapped._core.cars[:, at.SPEED] >= 0.0).all(), keywords
             env.close()
     assert episodes >= 10_000
     expected = {policy for policy in lanekeep_baselines.names() if policy.startswith("werling")}

@@ -14,14 +14,14 @@ from lanekeep_env import layout as at
 ID = "lanekeep/LaneKeep-v0"
 
 
-def make(lanes, **keywords):
-    return gym.make_vec(ID, lanes, "vector_entry_point", **keywords)
+def make(cars, **keywords):
+    return gym.make_vec(ID, cars, "vector_entry_point", **keywords)
 
 
 def rows(env, *which):
-    """Rows of the kernel's lanes, side by side over the blocks."""
-    lanes = env.unwrapped._core.lanes
-    return [np.concatenate([block[row] for block in lanes])[: env.num_envs] for row in which]
+    """Rows of the kernel's cars, side by side over the blocks."""
+    cars = env.unwrapped._core.cars
+    return [np.concatenate([block[row] for block in cars])[: env.num_envs] for row in which]
 
 
 def column(env, name):
@@ -75,9 +75,9 @@ def test_the_speed_profile_stays_within_the_friction():
     assert demand.max() > 0.39 * 9.81  # and on a good road it uses its 0.4 g
 
 
-def run_noise(policy, lanes=30, steps=50, **keywords):
+def run_noise(policy, cars=30, steps=50, **keywords):
     """Recorded sensor errors (observed minus true) of the measured channels, and the cars."""
-    env = make(lanes, departure="off", **keywords)
+    env = make(cars, departure="off", **keywords)
     observation, infos = env.reset(seed=5)
     errors = []
     for k in range(steps):
@@ -102,14 +102,14 @@ def test_two_policies_on_one_key_meet_the_same_car_and_the_same_noise():
     np.testing.assert_allclose(idle[..., 3], 0.0, atol=3e-6)
 
 
-def observed(sensor, channel="lateral_error", steps=400, lanes=200, **keywords):
-    """Truth and observation of one channel on a straight road, with a gently moving car: (steps, lanes) each."""
-    env = make(lanes, road="straight", speed=20.0, departure="off", sensors={channel: sensor}, **keywords)
+def observed(sensor, channel="lateral_error", steps=400, cars=200, **keywords):
+    """Truth and observation of one channel on a straight road, with a gently moving car: (steps, cars) each."""
+    env = make(cars, road="straight", speed=20.0, departure="off", sensors={channel: sensor}, **keywords)
     where = column(env, channel)
     observation, infos = env.reset(seed=9)
     seen, truth = [observation], [infos["lateral_error"].copy()]
     for k in range(steps):
-        action = np.full((lanes, 1), 0.03 * math.cos(0.3 * k), np.float32)
+        action = np.full((cars, 1), 0.03 * math.cos(0.3 * k), np.float32)
         observation, _, _, _, infos = env.step(action)
         seen.append(observation)
         truth.append(infos["lateral_error"].copy())
@@ -126,7 +126,7 @@ def test_noise_is_white_and_gaussian():
 
 
 def test_bias_is_constant_within_an_episode_and_gaussian_over_them():
-    truth, seen, _ = observed({"bias": 0.2}, steps=20, lanes=3000)
+    truth, seen, _ = observed({"bias": 0.2}, steps=20, cars=3000)
     error = seen - truth
     np.testing.assert_allclose(error, np.broadcast_to(error[0], error.shape), atol=1e-5)
     assert stats.kstest(error[0] / 0.2, stats.norm.cdf).pvalue > 1e-3
@@ -216,21 +216,21 @@ def random_keywords(rng):
 def test_a_million_random_steps_over_the_whole_parameter_space():
     """No NaN, no exception, observations inside their bounds."""
     rng = np.random.default_rng(2026)
-    lanes, steps, done = 256, 80, 0
+    cars, steps, done = 256, 80, 0
     while done < 1_000_000:
         keywords = random_keywords(rng)
         name = ("lanekeep/LaneKeep-v0", "lanekeep/RoadWorks-v0")[int(rng.integers(2))]
         keywords = with_effect(name, keywords)
-        env = gym.make_vec(name, lanes, "vector_entry_point", max_episode_steps=50, **keywords)
+        env = gym.make_vec(name, cars, "vector_entry_point", max_episode_steps=50, **keywords)
         low, high = env.observation_space.low, env.observation_space.high
         env.reset(seed=int(rng.integers(2**31)))
         for _ in range(steps):
-            actions = rng.uniform(-1.2, 1.2, (lanes, 1)).astype(np.float32)
+            actions = rng.uniform(-1.2, 1.2, (cars, 1)).astype(np.float32)
             observation, reward, _, _, infos = env.step(actions)
             assert ((observation >= low) & (observation <= high)).all(), keywords
             assert np.isfinite(reward).all(), keywords
             assert all(np.isfinite(infos[k]).all() for k in ("lateral_error", "heading_error", "arc_length")), keywords
-            done += lanes
+            done += cars
 
 
 def test_sensor_record_is_plain():

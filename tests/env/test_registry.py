@@ -251,7 +251,7 @@ def test_kernels_are_imported_with_the_first_environment():
     )
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert "lanekeep_env.envs.lane_keep" in loaded
-    assert "kernel" not in loaded and "lanes" not in loaded
+    assert "kernel" not in loaded and "cars" not in loaded
 
 
 @pytest.mark.parametrize("name", IDS)

@@ -1,4 +1,4 @@
-"""One kernel, two skins: lanes of a vector environment are the single environments, to the last bit."""
+"""One kernel, two skins: cars of a vector environment are the single environments, to the last bit."""
 
 import gymnasium as gym
 import numpy as np
@@ -41,14 +41,14 @@ VARIANTS = [
     (DRIVE, {"traffic": CLOSE, "randomisation": "stress", "sensors": "poor", "observation": "full", "preview": 2}),
     (DRIVE, {"traffic": CLOSE, "departure": "cost", "vehicle": {"steering": {"lag": 0.1, "delay": 0.07}}}),
 ]
-#: Ids whose vector form is compared over numbers of lanes and threads.
+#: Ids whose vector form is compared over numbers of cars and threads.
 MANY = [(ID, {}), (CAMERA, {"road": YARD, "sensors": "poor", "speed": {"hold": 0.4}})]
 MANY += [(CIRCUIT, {"world": NARROW, "sensors": "poor", "scan": FAULTY_SCAN, "encoder_ticks": 8})]
 MANY += [(DRIVE, {"traffic": CLOSE, "randomisation": "stress", "sensors": "poor"})]
 
 
 def gentle(rng, steps, env, spread=0.15):
-    """Actions that keep some lanes on the road and lose others; a second one asks for speed."""
+    """Actions that keep some cars on the road and lose others; a second one asks for speed."""
     actions = rng.normal(0, spread, (steps, *env.action_space.shape))
     actions[..., 1:] += 0.7
     return np.clip(actions, -1, 1).astype(np.float32)
@@ -57,16 +57,16 @@ def gentle(rng, steps, env, spread=0.15):
 @pytest.mark.parametrize("mode", ["next_step", "same_step"])
 @pytest.mark.parametrize(("name", "keywords"), VARIANTS)
 def test_lanes_equal_single_environments_bitwise(name, keywords, mode):
-    lanes, steps, seed = 21, 150, 1234
+    cars, steps, seed = 21, 150, 1234
     make = {"max_episode_steps": 60, **keywords}
-    vector = gym.make_vec(name, lanes, "vector_entry_point", autoreset_mode=mode, **make)
-    singles = [gym.make(name, **make) for _ in range(lanes)]
+    vector = gym.make_vec(name, cars, "vector_entry_point", autoreset_mode=mode, **make)
+    singles = [gym.make(name, **make) for _ in range(cars)]
     observation, infos = vector.reset(seed=seed)
     for i, env in enumerate(singles):
         alone, info = env.reset(seed=seed + i)
         np.testing.assert_array_equal(observation[i], alone)
         assert {k: infos[k][i] for k in info} == info
-    over = np.zeros(lanes, dtype=bool)
+    over = np.zeros(cars, dtype=bool)
     ended = 0
     for actions in gentle(np.random.default_rng(7), steps, vector):
         observation, rewards, terminated, truncated, infos = vector.step(actions)
@@ -85,24 +85,24 @@ def test_lanes_equal_single_environments_bitwise(name, keywords, mode):
             assert {k: infos[k][i] for k in info} == info
             over[i] = dead or late
             ended += over[i]
-    assert ended > lanes
+    assert ended > cars
 
 
 @pytest.mark.parametrize(("name", "keywords"), MANY)
 @settings(max_examples=20, deadline=None)
-@given(lanes=st.integers(1, 600), seed=st.integers(0, 2**31), threads=st.sampled_from([1, 2]))
-def test_a_lane_does_not_depend_on_the_number_of_lanes_or_threads(name, keywords, lanes, seed, threads):
+@given(cars=st.integers(1, 600), seed=st.integers(0, 2**31), threads=st.sampled_from([1, 2]))
+def test_a_lane_does_not_depend_on_the_number_of_lanes_or_threads(name, keywords, cars, seed, threads):
     """SIMD bodies, remainders and blocks give the same bits; float32 too."""
     for dtype in ("float64", "float32"):
-        many = gym.make_vec(name, lanes, "vector_entry_point", dtype=dtype, num_threads=threads, **keywords)
+        many = gym.make_vec(name, cars, "vector_entry_point", dtype=dtype, num_threads=threads, **keywords)
         few = gym.make_vec(name, 2, "vector_entry_point", dtype=dtype, **keywords)
         many.reset(seed=seed)
-        few.reset(seed=[seed, seed + lanes - 1])
+        few.reset(seed=[seed, seed + cars - 1])
         for actions in gentle(np.random.default_rng(seed), 40, many):
             wide = many.step(actions)
-            narrow = few.step(actions[[0, lanes - 1]])
+            narrow = few.step(actions[[0, cars - 1]])
             for a, b in zip(wide[:4], narrow[:4], strict=True):
-                np.testing.assert_array_equal(a[[0, lanes - 1]], b)
+                np.testing.assert_array_equal(a[[0, cars - 1]], b)
 
 
 @pytest.mark.parametrize("name", [ID, TURN_OFF, WALL, CIRCUIT, EVASIVE, REVERSE, DRIVE])

@@ -291,7 +291,7 @@ def test_path_coordinates_meet_world_coordinates(road):
     car = VEHICLES["yin"]
     front, rear = car.front_cornering_stiffness, car.rear_cornering_stiffness
     truth = SimpleNamespace(x=None)
-    seen = env.unwrapped._core.lanes[0, :, 0]
+    seen = env.unwrapped._core.cars[0, :, 0]
     truth.x = np.array(
         [*geometry.position(3.0, 0.8), geometry.heading(3.0) + 0.02, seen[at.SIDESLIP], seen[at.YAW_RATE]], dtype=float
     )

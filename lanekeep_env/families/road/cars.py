@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.engine.cars import Lanes, check_index
+from lanekeep_env.engine.cars import Cars, check_index
 from lanekeep_env.engine.given_state import check_state, row_of
 from lanekeep_env.families.road.kernel import ON_ROADS
 from lanekeep_env.rendering.road_picture import Pose
@@ -67,7 +67,7 @@ def road_tables(
     return tables
 
 
-class RoadLanes(Lanes):
+class RoadCars(Cars):
     """n cars on roads."""
 
     family = ON_ROADS
@@ -114,7 +114,7 @@ class RoadLanes(Lanes):
         return np.concatenate([[s.reach, offset, s.camera.widest], *marks])
 
     def check_state(self, state: Mapping[str, np.ndarray]) -> None:
-        """Raise ValueError for a state, of the right shapes, that no lane has."""
+        """Raise ValueError for a state, of the right shapes, that no car has."""
         drive, timelines = self.equipment[-2:]
         segments, roads = self.ground, self.index
         sizes: dict[int, np.ndarray | int] = {at.SEGMENT: len(segments), at.ROAD: len(roads)}
@@ -124,17 +124,17 @@ class RoadLanes(Lanes):
             further[at.EVENT] = ("event", 0.0, float(timelines.shape[1]))
             further[at.GEAR] = ("gear", 0.0, float(drive[at.D_GEARS]) - 1.0)
         check_state(state, self.settings, sizes, further)
-        length = row_of(state["lanes"], at.SEGMENT_LENGTH, self.num_lanes)
-        along = row_of(state["lanes"], at.ALONG, self.num_lanes)
+        length = row_of(state["cars"], at.SEGMENT_LENGTH, self.num_cars)
+        along = row_of(state["cars"], at.ALONG, self.num_cars)
         rows = segments[state["counters"][at.SEGMENT]]
         elsewhere = length != rows[:, at.R_LENGTH]
         for row, column in ((at.CURVATURE, at.R_CURVATURE), (at.CURVATURE_SLOPE, at.R_CURVATURE_SLOPE)):
-            elsewhere |= row_of(state["lanes"], row, self.num_lanes) != rows[:, column]
+            elsewhere |= row_of(state["cars"], row, self.num_cars) != rows[:, column]
         for row in (at.SPEED_SQUARED, at.SPEED_SQUARED_SLOPE):
-            elsewhere |= ~np.isfinite(row_of(state["lanes"], row, self.num_lanes))
-        # Lanes that were never reset stand on no segment; others are at most on the way to the next one.
+            elsewhere |= ~np.isfinite(row_of(state["cars"], row, self.num_cars))
+        # Cars that were never reset stand on no segment; others are at most on the way to the next one.
         if (elsewhere & np.isfinite(length)).any() or (along > length + 100.0).any():
-            raise ValueError("state: a lane is not on its segment of the road")
+            raise ValueError("state: a car is not on its segment of the road")
 
     def _check_place(self, start: np.ndarray) -> None:
         """Raise ValueError where the last two start rows name a place that does not exist."""
@@ -147,11 +147,11 @@ class RoadLanes(Lanes):
         s = self.scenario
         return road_set(s.road, s.speed)
 
-    def pose(self, lane: int) -> Pose:
-        """Where a lane's car is, for pictures."""
-        block, i = divmod(lane, self.lanes.shape[2])
-        car = self.lanes[block, :, i].tolist()
-        road, _ = self.road_set()[int(self.counters[at.ROAD, lane])]
+    def pose(self, column: int) -> Pose:
+        """Where the car of a column is, for pictures."""
+        block, i = divmod(column, self.cars.shape[2])
+        car = self.cars[block, :, i].tolist()
+        road, _ = self.road_set()[int(self.counters[at.ROAD, column])]
         edge = car[at.EDGE] if self.equipment[3] is not None else None
         return Pose(
             road=road,

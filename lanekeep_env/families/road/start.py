@@ -49,7 +49,7 @@ def start_on_road(place, wanted, cars, counters, world, settings, equipment):
     for row in (at.STEER, at.STEER_BEFORE, at.COMMAND, at.MOTOR):  # the motor in the middle of the gap
         block[row, i] = steer
     for row in range(np.int64(settings[at.DELAY_DEPTH])):
-        block[at.LANE_ROWS + row, i] = steer
+        block[at.CAR_ROWS + row, i] = steer
     for row in (at.STEP, at.DONE, at.DEPARTED):
         block[row, i] = like(settings[0], 0.0)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
-from lanekeep_env.engine.cars import Lanes, check_index
+from lanekeep_env.engine.cars import Cars, check_index
 from lanekeep_env.engine.given_state import check_state
 from lanekeep_env.families.wall.kernel import BETWEEN_WALLS
 from lanekeep_env.rendering.wall_picture import WallPose
@@ -66,21 +66,21 @@ def world_tables(world: WorldRecord, fingerprint: str, dtype: str) -> tuple[np.n
     return tables
 
 
-class WallLanes(Lanes):
+class WallCars(Cars):
     """n cars between walls."""
 
     family = BETWEEN_WALLS
     start_options = ("lateral_error", "heading_error", "start_index", "world_index")
     empty_row = at.SPEED_SQUARED
     bound = ()
-    moving: tuple[str, ...] = ("lanes", "counters", "held")
+    moving: tuple[str, ...] = ("cars", "counters", "held")
 
-    def __init__(self, scenario: WallFollowScenario, num_lanes: int, dtype: str, *arguments: Any) -> None:
+    def __init__(self, scenario: WallFollowScenario, num_cars: int, dtype: str, *arguments: Any) -> None:
         front, rear = scenario.axles
         car = scenario.vehicle
         check_bodies(scenario.world, scenario.world.fingerprint(), 0.5 * (front - rear), car.length, car.width)
-        super().__init__(scenario, num_lanes, dtype, *arguments)
-        self.held = np.zeros((num_lanes, scenario.scan.beams), dtype=dtype)
+        super().__init__(scenario, num_cars, dtype, *arguments)
+        self.held = np.zeros((num_cars, scenario.scan.beams), dtype=dtype)
         self._bind()
 
     def _bind(self) -> None:
@@ -95,7 +95,7 @@ class WallLanes(Lanes):
             )
         if s.task == at.CIRCUIT and (index[:, at.I_POINTS] < 2).any():
             raise ValueError("world has no centre line, so there is no lap to drive; allowed: generated worlds")
-        blocks = len(self.lanes)
+        blocks = len(self.cars)
         most = int((index[:, at.I_END] - index[:, at.I_FIRST]).max())
         scratch = np.zeros((blocks, SCRATCH_ROWS, most), dtype=self.dtype)
         self.ground, self.index = (walls, line, starts, scratch), index
@@ -116,24 +116,22 @@ class WallLanes(Lanes):
         numbers[at.SCAN_EVERY], numbers[at.SCAN_RIM] = scan.missing_every, scan.missing_rim
         numbers[at.SCAN_PERIOD] = max(1, round(scan.period / s.control_step))
         beams = beam_table(scan.beams, scan.step, self.dtype)
-        fan = np.zeros((len(self.lanes), beams.shape[1]), dtype=self.dtype)
+        fan = np.zeros((len(self.cars), beams.shape[1]), dtype=self.dtype)
         return numbers, beams, scratch, fan, self.held
 
     def reset(
         self, options: dict[str, Any] | None, mask: np.ndarray, observation: np.ndarray, outcome: np.ndarray
     ) -> None:
-        """Start the next episode of the lanes in ``mask`` (bool, (n,)), writing their observations and truth."""
+        """Start the next episode of the cars in ``mask`` (bool, (n,)), writing their observations and truth."""
         super().reset(options, mask, observation, outcome)
         if options and not options.keys().isdisjoint(self.start_options[:2]):
-            blocked = np.flatnonzero(mask & (self.lanes[:, at.BLOCKED].reshape(-1)[: self.num_lanes] > 0.0))
+            blocked = np.flatnonzero(mask & (self.cars[:, at.BLOCKED].reshape(-1)[: self.num_cars] > 0.0))
             if len(blocked):
                 asked = ", ".join(f"{key}={shown(options[key])}" for key in self.start_options if key in options)
-                raise ValueError(
-                    f"reset options {asked}: the car of lane {blocked[0]} would stand in or beyond a wall there"
-                )
+                raise ValueError(f"reset options {asked}: car {blocked[0]} would stand in or beyond a wall there")
 
     def check_state(self, state: Mapping[str, np.ndarray]) -> None:
-        """Raise ValueError for a state, of the right shapes, that no lane has."""
+        """Raise ValueError for a state, of the right shapes, that no car has."""
         index = self.index
         check_state(state, self.settings, {at.ROAD: len(index)}, {})
         segments = np.maximum(index[state["counters"][at.ROAD], at.I_POINTS] - 1, 1)
@@ -149,12 +147,12 @@ class WallLanes(Lanes):
         """The worlds, as built for this scenario."""
         return world_set(self.scenario.world, self.scenario.world.fingerprint())
 
-    def pose(self, lane: int) -> WallPose:
-        """Where a lane's car is, for pictures."""
-        block, i = divmod(lane, self.lanes.shape[2])
-        car = self.lanes[block, :, i].tolist()
+    def pose(self, column: int) -> WallPose:
+        """Where the car of a column is, for pictures."""
+        block, i = divmod(column, self.cars.shape[2])
+        car = self.cars[block, :, i].tolist()
         return WallPose(
-            world=self.world_set()[int(self.counters[at.ROAD, lane])],
+            world=self.world_set()[int(self.counters[at.ROAD, column])],
             x=car[at.ALONG],
             y=car[at.LATERAL],
             heading=car[at.HEADING],
@@ -164,5 +162,5 @@ class WallLanes(Lanes):
             distance=car[at.RIGHT],
             lap_time=car[at.LAP_TIME],
             touched=car[at.DEPARTED] > 0.0,
-            scan=self.held[lane].copy(),
+            scan=self.held[column].copy(),
         )

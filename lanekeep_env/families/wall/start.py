@@ -156,7 +156,7 @@ def _set_off(i, key, block, settings, servo):
     for row in (at.STEER, at.STEER_BEFORE, at.SERVO, at.MOTOR):
         block[row, i] = steer
     for row in range(np.int64(settings[at.DELAY_DEPTH])):
-        block[at.LANE_ROWS + row, i] = steer
+        block[at.CAR_ROWS + row, i] = steer
     for row in (at.COMMAND, at.SIDESLIP, at.STEP, at.DONE, at.DEPARTED, at.WAY, at.TICKS, at.PROGRESS):
         block[row, i] = like(settings[0], 0.0)
     for row in (at.LAP_BEGAN, at.LAP_TIME, at.LAPS_DONE):

@@ -91,15 +91,15 @@ def random_keywords(rng, circuit):
 
 def test_three_thousand_random_episodes_over_the_whole_parameter_range():
     rng = np.random.default_rng(2017)
-    lanes, steps, episodes, contacts = 16, 60, 0, 0
+    cars, steps, episodes, contacts = 16, 60, 0, 0
     for k in range(10_000):
         if episodes >= 3000:
             break
         keywords = with_effect(IDS[k % 2], random_keywords(rng, k % 2))
-        env = gym.make_vec(IDS[k % 2], lanes, "vector_entry_point", max_episode_steps=50, **keywords)
+        env = gym.make_vec(IDS[k % 2], cars, "vector_entry_point", max_episode_steps=50, **keywords)
         low, high = env.observation_space.low, env.observation_space.high
         observation, infos = env.reset(seed=int(rng.integers(2**31)))
-        episodes += lanes
+        episodes += cars
         for _ in range(steps):
             inside = (observation >= low) & (observation <= high)
             assert inside.all(), (keywords, env.unwrapped.channels[np.flatnonzero(~inside.all(axis=0))[0]])

@@ -20,8 +20,8 @@ def columns(env, word="scan_"):
     return [names.index(name) for name in names if name.startswith(word) and name != "scan_new"]
 
 
-def many(lanes, name=CIRCUIT, **keywords):
-    return gym.make_vec(name, lanes, "vector_entry_point", contact="off", **keywords)
+def many(cars, name=CIRCUIT, **keywords):
+    return gym.make_vec(name, cars, "vector_entry_point", contact="off", **keywords)
 
 
 def headings(env):
@@ -104,15 +104,15 @@ def test_outside_its_range_and_at_missing_beams_a_scan_shows_zero():
     assert near > 100 and far > 1000
 
 
-def pairs(steps=25, lanes=60, world=BEHIND_EACH_OTHER, **faults):
-    """True and shown ranges of one drive, (steps * lanes, beams) each."""
+def pairs(steps=25, cars=60, world=BEHIND_EACH_OTHER, **faults):
+    """True and shown ranges of one drive, (steps * cars, beams) each."""
     common = {"beams": 80, "nearest": 0.0, "farthest": 40.0}
-    perfect = many(lanes, WALL, scan=common, world=world)
-    faulty = many(lanes, WALL, scan={**common, **faults}, world=world)
+    perfect = many(cars, WALL, scan=common, world=world)
+    faulty = many(cars, WALL, scan={**common, **faults}, world=world)
     rng = np.random.default_rng(6)
     truth, seen = [perfect.reset(seed=7)[0]], [faulty.reset(seed=7)[0]]
     for _ in range(steps):
-        actions = rng.uniform(-1, 1, (lanes, 1)).astype(np.float32)
+        actions = rng.uniform(-1, 1, (cars, 1)).astype(np.float32)
         truth.append(perfect.step(actions)[0])
         seen.append(faulty.step(actions)[0])
     return np.concatenate(truth)[:, columns(perfect)], np.concatenate(seen)[:, columns(faulty)]
@@ -148,7 +148,7 @@ def test_noise_is_white_gaussian_and_grows_with_the_square_of_the_range():
     error = np.where(there, (shown - truth) / (0.004 * np.maximum(truth, 0.1) ** 2), 0.0)
     assert abs(np.mean(error[:, :-1] * error[:, 1:])) < 0.02  # from beam to beam
     assert abs(np.mean(error[:-60] * error[60:])) < 0.02  # from scan to scan
-    assert abs(np.mean(error[:-1] * error[1:])) < 0.02  # from lane to lane
+    assert abs(np.mean(error[:-1] * error[1:])) < 0.02  # from car to car
 
 
 def test_a_slow_scan_is_held_and_says_when_it_is_new():

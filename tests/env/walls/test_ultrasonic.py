@@ -124,11 +124,11 @@ def poses_of(infos):
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 def test_the_environment_shows_the_three_sensors_from_their_places(dtype):
     """Sides: on the car's axis, half the wheelbase ahead of the rear axle; front: at the nose."""
-    lanes = 60
+    cars = 60
     car = {"base": "knightriders", "cg_to_front_axle": 0.2, "cg_to_rear_axle": 0.15}
     env = gym.make_vec(
         "lanekeep/WallFollow-v0",
-        lanes,
+        cars,
         "vector_entry_point",
         vehicle=car,
         world={"kind": "corridor", "length": 30.0, "width": 4.0},
@@ -136,7 +136,7 @@ def test_the_environment_shows_the_three_sensors_from_their_places(dtype):
     )
     walls = env.unwrapped.world_set()[0].segments
     rng = np.random.default_rng(1)
-    starts = {"lateral_error": rng.uniform(-0.5, 0.5, lanes), "heading_error": rng.uniform(-3.1, 3.1, lanes)}
+    starts = {"lateral_error": rng.uniform(-0.5, 0.5, cars), "heading_error": rng.uniform(-3.1, 3.1, cars)}
     observation, infos = env.reset(seed=3, options=starts)
     for _ in range(15):
         side, nose = 0.5 * 0.35 - 0.15, 0.5 * (0.2 - 0.15) + 0.5 * 0.532
@@ -150,7 +150,7 @@ def test_the_environment_shows_the_three_sensors_from_their_places(dtype):
                     continue
                 shown = 0.0 if math.isnan(expected) else expected
                 assert observation[i, column] == pytest.approx(shown, abs=2e-6 if dtype == "float64" else 3e-5)
-        observation, _, _, _, infos = env.step(rng.uniform(-1, 1, (lanes, 1)).astype(np.float32))
+        observation, _, _, _, infos = env.step(rng.uniform(-1, 1, (cars, 1)).astype(np.float32))
 
 
 def test_without_an_echo_the_channel_is_zero_and_the_distance_the_range():

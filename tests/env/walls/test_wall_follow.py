@@ -26,17 +26,17 @@ def make(name=WALL, **keywords):
     return gym.make(name, **{"steering_offset": 0.0, "world": WIDE, **keywords})
 
 
-def many(lanes, name=WALL, **keywords):
-    return gym.make_vec(name, lanes, "vector_entry_point", **{"steering_offset": 0.0, **keywords})
+def many(cars, name=WALL, **keywords):
+    return gym.make_vec(name, cars, "vector_entry_point", **{"steering_offset": 0.0, **keywords})
 
 
 def column(env, name):
     return [channel.name for channel in env.unwrapped.channels].index(name)
 
 
-def pose(env, lane=0):
+def pose(env, car=0):
     """x, y (m), heading (rad) of the centre of gravity."""
-    found = env.unwrapped._core.pose(lane)
+    found = env.unwrapped._core.pose(car)
     return np.array([found.x, found.y, found.heading])
 
 
@@ -283,9 +283,9 @@ class TestStart:
         _, infos = env.reset(seed=3)
         walls = shapely.union_all(lines(world))
         outside, inside = sorted(shapely.polygonize(shapely.get_parts(walls)).geoms, key=lambda one: -one.area)
-        for lane, (x, y) in enumerate(zip(infos["x"], infos["y"], strict=True)):
+        for car, (x, y) in enumerate(zip(infos["x"], infos["y"], strict=True)):
             assert outside.contains(shapely.Point(x, y)) and not inside.contains(shapely.Point(x, y))
-            assert body(*pose(env, lane)).distance(walls) > 0.0
+            assert body(*pose(env, car)).distance(walls) > 0.0
         assert np.ptp(infos["lateral_error"]) > 1.3
 
     def test_a_circuits_car_starts_at_rest_beside_the_centre_line(self):
@@ -369,9 +369,9 @@ class TestContact:
     )
     @pytest.mark.parametrize("dtype", ["float64", "float32"])
     def test_walls_hold_cars_whatever_they_do(self, contact, steering, dtype):
-        lanes = 40
+        cars = 40
         env = many(
-            lanes,
+            cars,
             CIRCUIT,
             world={"kind": "random-circuits", "count": 4, "glass_share": 0.5, "longest": 9.0, "widest": 1.6},
             contact=contact,
@@ -382,19 +382,19 @@ class TestContact:
             dtype=dtype,
         )
         worlds = env.unwrapped.world_set()
-        which = np.arange(lanes) % 4
+        which = np.arange(cars) % 4
         walls = [shapely.union_all(lines(world)) for world in worlds]
         _, infos = env.reset(seed=3, options={"world_index": which})
         rng = np.random.default_rng(4)
-        actions = rng.uniform(-1, 1, (lanes, 2))
+        actions = rng.uniform(-1, 1, (cars, 2))
         touched = moved = 0
         for step in range(150):
             if step % 10 == 0:
-                actions = rng.uniform(-1, 1, (lanes, 2)) ** 3 / np.array([1.0, 4.0 if step % 20 else 1.0])
+                actions = rng.uniform(-1, 1, (cars, 2)) ** 3 / np.array([1.0, 4.0 if step % 20 else 1.0])
             before = np.column_stack([infos["x"], infos["y"]])
             _, _, ended, _, infos = env.step(actions.astype(np.float32))
             assert not ended.any()
-            for i in range(lanes):
+            for i in range(cars):
                 x, y, heading = pose(env, i)
                 assert body(x, y, heading).distance(walls[which[i]]) == pytest.approx(infos["clearance"][i], abs=1e-5)
                 assert infos["clearance"][i] > 0.0

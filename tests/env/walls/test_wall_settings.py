@@ -120,7 +120,7 @@ def test_a_start_that_is_not_possible_is_refused(options, words):
             one.reset(seed=0, options=options)
         assert all(word in str(caught.value) for word in words) and "\n" not in str(caught.value)
         one.reset(seed=0, options={"lateral_error": 0.3, "heading_error": 0.1})
-    with pytest.raises(ValueError, match="lane 1 would stand in or beyond"):
+    with pytest.raises(ValueError, match="car 1 would stand in or beyond"):
         many.reset(seed=0, options={"lateral_error": np.array([0.0, 4.0, 0.0])})
     mask = np.array([True, False, True])
     masked = gym.make_vec(CIRCUIT, 3, "vector_entry_point", world=world, autoreset_mode="disabled")
@@ -146,7 +146,7 @@ def test_nan_in_either_action_is_refused():
         action[place] = np.nan
         with pytest.raises(ValueError, match="NaN"):
             env.step(action)
-        with pytest.raises(ValueError, match="lane 1 is NaN"):
+        with pytest.raises(ValueError, match="car 1 is NaN"):
             many.step(np.stack([np.zeros(2, np.float32), action, np.zeros(2, np.float32)]))
 
 
