@@ -6,7 +6,9 @@ from lanekeep_env.scenario.drive import DriveScenario, Traffic
 from lanekeep_env.scenario.evasive import EvasiveScenario, ReversePathScenario
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario, RoadWorksScenario
 from lanekeep_env.scenario.road import RoadScenario
-from lanekeep_env.scenario.walls import CircuitScenario, Scan, Servo, WallFollowScenario
+from lanekeep_env.scenario.scan import Scan
+from lanekeep_env.scenario.servo import Servo
+from lanekeep_env.scenario.walls import CircuitScenario, WallFollowScenario
 
 __all__ = [
     "INTEGRATION_STEP",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from typing import Any, ClassVar
@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
+from lanekeep_env.checks import choose, require, shown
 from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads.speed import SetSpeeds, set_speeds_from
@@ -19,6 +19,8 @@ from lanekeep_env.scenario.base import Channel, Measured, steering_channels
 from lanekeep_env.scenario.car import DEPARTURES, CarScenario, multiple_of_step
 from lanekeep_env.scenario.effects import Need, never
 from lanekeep_env.scenario.integration import Integration, rolling, slipping
+from lanekeep_env.scenario.scan import SCANS, Scan, scan_from
+from lanekeep_env.scenario.servo import Servo, servo_from
 from lanekeep_env.sensing.faults import WALL_CHANNELS, WALL_SENSOR_SETS, sensors_from
 from lanekeep_env.walls import Corridor, RandomCircuits, WorldRecord, world_from
 
@@ -27,133 +29,6 @@ ULTRASONIC = (0.03, 6.0, math.radians(22.5))
 
 #: Largest angle of the road wheel, whatever it is told, rad.
 LARGEST_ANGLE = 1.5
-
-
-@dataclass(frozen=True)
-class Servo:
-    """What a servo makes of a command, each off by default; it counts in ticks from -50 to 50.
-
-    Attributes:
-        left, right: road-wheel angle at full command to either side, rad; None for `max_steering_angle`.
-        angles: measured road-wheel angles at uniformly spaced commands from full right to full left, rad, an odd
-            number of them (21 for half circles driven every 5 ticks); instead of left and right.
-        ticks: steps of a command from zero to full, 0 for a continuous one.
-    """
-
-    left: float | None = None
-    right: float | None = None
-    angles: tuple[float, ...] | None = None
-    ticks: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("left", "right"):
-            require(f"servo.{name}", getattr(self, name), "rad", above=0.0, at_most=1.5, optional=True)
-        require("servo.ticks", self.ticks, "", at_least=0, at_most=1_000_000, whole=True)
-        if self.angles is not None:
-            if not isinstance(self.angles, tuple | list):
-                raise ValueError(
-                    f"servo.angles={shown(self.angles)} is not allowed: an odd number of angles, at least 3, rad"
-                )
-            for angle in self.angles:
-                require("servo.angles", angle, "rad", at_least=-1.5, at_most=1.5)
-            object.__setattr__(self, "angles", tuple(float(angle) for angle in self.angles))
-            if len(self.angles) < 3 or len(self.angles) % 2 == 0 or self.left is not None or self.right is not None:
-                raise ValueError(
-                    f"servo.angles={shown(self.angles)} is not allowed: an odd number of angles, at least 3, "
-                    "and neither left nor right beside them"
-                )
-            if any(after <= before for before, after in zip(self.angles[:-1], self.angles[1:], strict=True)):
-                raise ValueError(
-                    f"servo.angles={shown(self.angles)} is not allowed: the angles must rise from right to left"
-                )
-        plain_numbers(self)
-
-    def table(self, largest: float) -> np.ndarray | None:
-        """Numbers for the kernel (command quantum, then angles), or None for a servo that does as it is told."""
-        if self == Servo():
-            return None
-        angles = self.angles or (
-            -(largest if self.right is None else self.right),
-            0.0,
-            largest if self.left is None else self.left,
-        )
-        return np.array([1.0 / self.ticks if self.ticks else 0.0, *angles])
-
-
-@dataclass(frozen=True)
-class Scan:
-    """A depth camera's scan; each fault is off by default.
-
-    Attributes:
-        beams: number, 0 for no scan.
-        field_of_view: from the first (right) to the last beam (left), rad, symmetric to the car's axis.
-        nearest, farthest: range, m; outside it a beam shows 0.
-        noise: standard deviation at 1 m, growing with the square of the range as that of depth cameras, m.
-        missing_every: each that many beams one shows 0 (0 for none).
-        missing_rim: beams that show 0 at either rim.
-        jump_errors: share of the beams beside a depth jump that show something between both sides.
-        period: s between scans, a multiple of the control step; 0 for one at each.
-    """
-
-    beams: int = 0
-    field_of_view: float = math.radians(70.0)
-    nearest: float = 0.5
-    farthest: float = 12.0
-    noise: float = 0.0
-    missing_every: int = 0
-    missing_rim: int = 0
-    jump_errors: float = 0.0
-    period: float = 0.0
-
-    def __post_init__(self) -> None:
-        require("scan.beams", self.beams, "beams", at_least=0, at_most=4096, whole=True)
-        if self.beams == 1:
-            raise ValueError("scan.beams=1 is not allowed: 0 for no scan, or at least 2")
-        require("scan.field_of_view", self.field_of_view, "rad", above=0.0, at_most=6.2)
-        require("scan.nearest", self.nearest, "m", at_least=0.0, at_most=999.0)
-        require("scan.farthest", self.farthest, "m", above=self.nearest, at_most=1000.0)
-        require("scan.noise", self.noise, "m", at_least=0.0, at_most=1e3)
-        require("scan.missing_every", self.missing_every, "beams", at_least=0, at_most=1_000_000, whole=True)
-        require("scan.missing_rim", self.missing_rim, "beams", at_least=0, at_most=1_000_000, whole=True)
-        require("scan.jump_errors", self.jump_errors, "(a share)", at_least=0.0, at_most=1.0)
-        require("scan.period", self.period, "s", at_least=0.0, at_most=5.0)
-        plain_numbers(self)
-
-    @property
-    def step(self) -> float:
-        """Angle between beams, rad."""
-        return self.field_of_view / (self.beams - 1)
-
-
-#: The Kinect of the source as far as the report tells: nearest and farthest range, gaps, rims, jumps.
-SCANS: dict[str, Scan] = {
-    "none": Scan(),
-    "perfect": Scan(beams=64, nearest=0.0),
-    "kinect": Scan(beams=141, noise=0.002, missing_every=20, missing_rim=4, jump_errors=0.5),
-}
-
-
-def scan_from(value: str | Mapping[str, Any] | Scan) -> Scan:
-    """Read a scan: a name of `SCANS`, a mapping of fields, or a record; ValueError names what is wrong."""
-    if isinstance(value, Scan):
-        return value
-    if isinstance(value, str):
-        choose("scan", value, SCANS)
-        return SCANS[value]
-    if not isinstance(value, Mapping):
-        raise ValueError(f"scan={shown(value)} must be {', '.join(SCANS)} or a mapping of Scan's fields")
-    return from_mapping(Scan, value, "scan")
-
-
-def servo_from(value: Mapping[str, Any] | Servo | None) -> Servo:
-    """Read a servo: None (does as it is told), a mapping of fields, or a record; ValueError names what is wrong."""
-    if value is None:
-        return Servo()
-    if isinstance(value, Servo):
-        return value
-    if not isinstance(value, Mapping):
-        raise ValueError(f"servo={shown(value)} must be a mapping of Servo's fields")
-    return from_mapping(Servo, value, "servo")
 
 
 def range_from(name: str, value: Any) -> tuple[float, float]:

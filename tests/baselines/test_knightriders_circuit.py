@@ -13,7 +13,7 @@ import pytest
 import lanekeep_baselines
 from lanekeep_baselines.scan_features import ScanReader, median
 from lanekeep_env import CircuitScenario, WallFollowScenario
-from lanekeep_env.scenario.walls import SCANS
+from lanekeep_env.scenario.scan import SCANS
 
 NAME = "knightriders-circuit"
 #: In front of a camera, m: a corridor between -1 and 1.2, its wall ahead, and an opening on one side before that.

@@ -109,15 +109,9 @@ class WallCars(Cars):
         scan = s.scan
         if scan.beams == 0:
             return (None,) * 5
-        numbers = np.zeros(at.SCAN_SIZE, dtype=self.dtype)
-        numbers[at.SCAN_FIRST], numbers[at.SCAN_STEP] = -0.5 * scan.field_of_view, scan.step
-        numbers[at.SCAN_NEAREST], numbers[at.SCAN_FARTHEST] = scan.nearest, scan.farthest
-        numbers[at.SCAN_NOISE], numbers[at.SCAN_JUMP] = scan.noise, scan.jump_errors
-        numbers[at.SCAN_EVERY], numbers[at.SCAN_RIM] = scan.missing_every, scan.missing_rim
-        numbers[at.SCAN_PERIOD] = max(1, round(scan.period / s.control_step))
         beams = beam_table(scan.beams, scan.step, self.dtype)
         fan = np.zeros((len(self.cars), beams.shape[1]), dtype=self.dtype)
-        return numbers, beams, scratch, fan, self.held
+        return scan.numbers(s.control_step).astype(self.dtype), beams, scratch, fan, self.held
 
     def reset(
         self, options: dict[str, Any] | None, mask: np.ndarray, observation: np.ndarray, outcome: np.ndarray
