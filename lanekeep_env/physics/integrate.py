@@ -54,18 +54,77 @@ def named(name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     return rename
 
 
+# Speed at the start, in the middle and at the end of a sub-step, by where it comes from. ``v`` is the speed that a car
+# keeps, ``along`` (not negative) counts from its segment's start, where the profile's squared speed is ``squared``.
+
+
+@inline
+def _profile_speeds(v, along, squared, slope, target, pull, h, most):
+    v = _profile_speed(along, squared, slope)
+    middle = _not_negative(v + h * like(h, 0.25) * slope)  # the slope of v² is twice the acceleration
+    return v, middle, _not_negative(v + h * like(h, 0.5) * slope)
+
+
+@inline
+def _paced_speeds(v, along, squared, slope, target, pull, h, most):
+    allowed = _profile_speed(along, squared, slope)
+    missing, half = smaller(target, allowed) - v, most * like(h, 0.5)
+    # The profile itself is held even where it brakes harder than that (a car with a speed factor).
+    return v, smaller(v + clip(missing, -half, half), allowed), smaller(v + clip(missing, -most, most), allowed)
+
+
+@inline
+def _driven_speeds(v, along, squared, slope, target, pull, h, most):
+    none, fastest = like(h, 0.0), like(h, LARGEST_SPEED)
+    return v, clip(v + h * like(h, 0.5) * pull, none, fastest), clip(v + h * pull, none, fastest)
+
+
+_SPEEDS = {PROFILE: _profile_speeds, PACED: _paced_speeds, DRIVEN: _driven_speeds}
+
+
+def runge_kutta(rates: Callable[..., Any], name: str) -> Callable[..., Any]:
+    """Return the scalar function that takes the state (s, d, theta, beta, r) of a car a sub-step further.
+
+    ``steers`` and ``speeds`` are those at its start, middle and end, ``curvature`` is (at the segment's start, slope).
+    """
+
+    @inline
+    @named(name)
+    def stage(state, steer, v, curvature, car):
+        along, d, theta, beta, r = state
+        kappa, slope = curvature
+        return rates(d, theta, beta, r, steer, v, kappa + slope * _not_negative(along), car)
+
+    @inline
+    @named(name)
+    def step(state, steers, speeds, curvature, car, h):
+        x, d, t, b, r = state
+        half, sixth, two = h * like(h, 0.5), h * like(h, 1.0 / 6.0), like(h, 2.0)
+        x1, d1, t1, b1, r1 = stage(state, steers[0], speeds[0], curvature, car)
+        state = x + half * x1, d + half * d1, t + half * t1, b + half * b1, r + half * r1
+        x2, d2, t2, b2, r2 = stage(state, steers[1], speeds[1], curvature, car)
+        state = x + half * x2, d + half * d2, t + half * t2, b + half * b2, r + half * r2
+        x3, d3, t3, b3, r3 = stage(state, steers[1], speeds[1], curvature, car)
+        state = x + h * x3, d + h * d3, t + h * t3, b + h * b3, r + h * r3
+        x4, d4, t4, b4, r4 = stage(state, steers[2], speeds[2], curvature, car)
+        return (
+            x + sixth * (x1 + two * (x2 + x3) + x4),
+            d + sixth * (d1 + two * (d2 + d3) + d4),
+            t + sixth * (t1 + two * (t2 + t3) + t4),
+            b + sixth * (b1 + two * (b2 + b3) + b4),
+            r + sixth * (r1 + two * (r2 + r3) + r4),
+        )
+
+    return step
+
+
 def integrator(rates: Callable[..., Any], pace: int, saturates: bool, name: str) -> Callable[..., Any]:
     """Return the compiled loop that advances a block of cars by ``rates``, a function of `single_track`.
 
     A car on tyres that saturate may spin: its sideslip comes round. A linear tyre's force has no end, nor has its spin,
     which is held.
     """
-    paced, driven = pace == PACED, pace == DRIVEN
-
-    @inline
-    @named(name)
-    def stage(along, d, theta, beta, r, steer, v, curvature, slope, car):
-        return rates(d, theta, beta, r, steer, v, curvature + slope * _not_negative(along), car)
+    step, speeds_of, keeps = runge_kutta(rates, name), _SPEEDS[pace], pace != PROFILE
 
     @helper
     @named(name)
@@ -74,40 +133,21 @@ def integrator(rates: Callable[..., Any], pace: int, saturates: bool, name: str)
         along_, d_, theta_ = block[at.ALONG], block[at.LATERAL], block[at.HEADING]
         beta_, r_, steer_, command_ = block[at.SIDESLIP], block[at.YAW_RATE], block[at.STEER], block[command_row]
         curvature_, slope_ = block[at.CURVATURE], block[at.CURVATURE_SLOPE]
-        speed_, gain_ = block[at.SPEED_SQUARED], block[at.SPEED_SQUARED_SLOPE]
+        squared_, gain_ = block[at.SPEED_SQUARED], block[at.SPEED_SQUARED_SLOPE]
         front_, rear_, mass_, inertia_ = block[at.CAR], block[at.CAR + 1], block[at.CAR + 2], block[at.CAR + 3]
         stiff_f_, stiff_r_ = block[at.CAR + 4], block[at.CAR + 5]
         peak_f_, peak_r_ = block[at.CAR + 6], block[at.CAR + 7]
         response_, change_ = block[at.STEER_RESPONSE], block[at.STEER_CHANGE]
         motor_, share_ = block[at.MOTOR], block[at.STEER_GAIN]
-        pace_, target_, pull_ = block[at.SPEED], block[at.SPEED_TARGET], block[at.PULL]
-        h = settings[at.STEP_TIME]
+        v_, target_, pull_ = block[at.SPEED], block[at.SPEED_TARGET], block[at.PULL]
+        h, most = settings[at.STEP_TIME], settings[at.SPEED_CHANGE]
         widest, fastest = like(h, LARGEST_SIDESLIP), like(h, LARGEST_YAW_RATE)
         ideal = settings[at.IDEAL_STEERING] > like(h, 0.0)
-        half = h * like(h, 0.5)
-        quarter = h * like(h, 0.25)  # the slope of v² is twice the acceleration
-        sixth = h * like(h, 1.0 / 6.0)
-        two = like(h, 2.0)
         for i in range(block.shape[1]):
-            x, d, t, b, r = along_[i], d_[i], theta_[i], beta_[i], r_[i]
-            k, dk = curvature_[i], slope_[i]
-            if driven:
-                v = pace_[i]
-                v_middle = clip(v + half * pull_[i], like(h, 0.0), like(h, LARGEST_SPEED))
-                v_end = clip(v + h * pull_[i], like(h, 0.0), like(h, LARGEST_SPEED))
-                pace_[i] = v_end
-            elif paced:  # decided when the loop is compiled, as whether there is a gear
-                v = pace_[i]
-                allowed = _profile_speed(_not_negative(x), speed_[i], gain_[i])
-                missing, most = smaller(target_[i], allowed) - v, settings[at.SPEED_CHANGE]
-                # The profile itself is held even where it brakes harder than that (a car with a speed factor).
-                v_middle = smaller(v + clip(missing, -most * like(h, 0.5), most * like(h, 0.5)), allowed)
-                v_end = smaller(v + clip(missing, -most, most), allowed)
-                pace_[i] = v_end
-            else:
-                v = _profile_speed(_not_negative(x), speed_[i], gain_[i])
-                v_middle = _not_negative(v + quarter * gain_[i])
-                v_end = _not_negative(v + half * gain_[i])
+            x = _not_negative(along_[i])
+            speeds = speeds_of(v_[i], x, squared_[i], gain_[i], target_[i], pull_[i], h, most)
+            if keeps:  # decided when the loop is compiled, as whether there is a gear
+                v_[i] = speeds[2]
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
             begin, command, response, change = steer_[i], command_[i], response_[i], change_[i]
             begin = command if ideal else begin  # the road wheel follows at once
@@ -119,22 +159,11 @@ def integrator(rates: Callable[..., Any], pace: int, saturates: bool, name: str)
                 motor, middle = advance_gear(motor_[i], begin, command, response, gain, change, gap, on_motor)
                 motor, end = advance_gear(motor, middle, command, response, gain, change, gap, on_motor)
                 motor_[i] = motor
-            x1, d1, t1, b1, r1 = stage(x, d, t, b, r, begin, v, k, dk, car)
-            x2, d2, t2, b2, r2 = stage(
-                x + half * x1, d + half * d1, t + half * t1, b + half * b1, r + half * r1, middle, v_middle, k, dk, car
-            )
-            x3, d3, t3, b3, r3 = stage(
-                x + half * x2, d + half * d2, t + half * t2, b + half * b2, r + half * r2, middle, v_middle, k, dk, car
-            )
-            x4, d4, t4, b4, r4 = stage(
-                x + h * x3, d + h * d3, t + h * t3, b + h * b3, r + h * r3, end, v_end, k, dk, car
-            )
-            along_[i] = x + sixth * (x1 + two * (x2 + x3) + x4)
-            d_[i] = d + sixth * (d1 + two * (d2 + d3) + d4)
-            theta_[i] = t + sixth * (t1 + two * (t2 + t3) + t4)
-            b = b + sixth * (b1 + two * (b2 + b3) + b4)
-            beta_[i] = wrapped(b) if saturates else clip(b, -widest, widest)
-            r_[i] = clip(r + sixth * (r1 + two * (r2 + r3) + r4), -fastest, fastest)
+            state = along_[i], d_[i], theta_[i], beta_[i], r_[i]
+            state = step(state, (begin, middle, end), speeds, (curvature_[i], slope_[i]), car, h)
+            along_[i], d_[i], theta_[i], beta, r = state
+            beta_[i] = wrapped(beta) if saturates else clip(beta, -widest, widest)
+            r_[i] = clip(r, -fastest, fastest)
             steer_[i] = end
 
     return advance
