@@ -25,7 +25,8 @@ from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.wall_cascade import LARGEST_HEADING
 from lanekeep_baselines.wall_control import Cascade, Measured, Pd, Pi, PiState, PublishedCascade, WallControl
 from lanekeep_baselines.wall_design import PD_SENSOR, PD_SPEED, WallCar, misprinted_pd_design, pd_design
-from lanekeep_baselines.wall_estimator import HALF_CONE, WallFilter, WallNoise
+from lanekeep_baselines.wall_estimator import WallFilter, WallNoise
+from lanekeep_env.sensing.ultrasonic import HALF_CONE
 
 VARIANTS = ("published", "as-driven", "si")
 CONTROLLERS = ("pi", "pi-state", "cascade", "cascade-delayed", "cascade-redesigned", "pd", "pd-misprinted")
