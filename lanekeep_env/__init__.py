@@ -3,7 +3,6 @@
 ``import lanekeep_env`` registers the ids ``lanekeep/<Task>-v0``.
 """
 
-from lanekeep_env.envs.termination import Termination
 from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator, VehicleParameters
 from lanekeep_env.randomisation import RANDOMISATIONS, Randomisation
 from lanekeep_env.registration import ENVIRONMENTS, register_all
@@ -20,6 +19,7 @@ from lanekeep_env.scenario import (
     WallFollowScenario,
 )
 from lanekeep_env.sensing import SENSOR_SETS, Sensor
+from lanekeep_env.tasks.termination import Termination
 
 __version__ = "0.1.0"
 __all__ = [

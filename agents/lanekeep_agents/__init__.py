@@ -111,6 +111,7 @@ def save(path: str | Path, model: Any, overwrite: bool = False) -> PolicyRecord:
     return save_sb3(path, model, overwrite)
 
 
+# Ten parameters, for each is a keyword of users' own: a record of settings would be one more name to learn.
 def train(
     algorithm: str,
     env_id: str,

@@ -17,7 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats, Scenario, SteeringPolicy
-from lanekeep_baselines.wall_cascade import LARGEST_HEADING
+from lanekeep_baselines.wall_cascade import (
+    DISTANCE_GAIN_DEGREES,
+    DISTANCE_GAIN_RADIANS,
+    DISTANCE_GAIN_SPEED,
+    LARGEST_HEADING,
+)
 from lanekeep_baselines.wall_control import Cascade, Measured, Pd, Pi, PiState, PublishedCascade, WallControl
 from lanekeep_baselines.wall_design import WallCar, pd_design
 from lanekeep_baselines.wall_estimator import WallFilter
@@ -25,8 +30,6 @@ from lanekeep_baselines.wall_estimator import WallFilter
 _DEGREE = float(np.pi / 180.0)
 #: Gains exist at no standstill: below this speed those for it are used, m/s.
 SLOWEST = 0.2
-#: Gain of the distance in the published cascade, per m at 0.4 m/s (the report prints none): see `wall_simulation`.
-_DISTANCE_GAIN, _GAIN_SPEED = {True: 4.0, False: 2.0}, 0.4
 
 
 class WallScenario(Scenario, Protocol):
@@ -119,7 +122,8 @@ class KnightRidersCascadePublished(WallPolicy):
     name = "knightriders-cascade-published"
 
     def make(self, car: WallCar, limit: float) -> WallControl:
-        return PublishedCascade(car, limit, _DISTANCE_GAIN[self.driven], delayed=True, gain_speed=_GAIN_SPEED)
+        gain = DISTANCE_GAIN_DEGREES if self.driven else DISTANCE_GAIN_RADIANS
+        return PublishedCascade(car, limit, gain, delayed=True, gain_speed=DISTANCE_GAIN_SPEED)
 
 
 class KnightRidersCascadeAsDriven(KnightRidersCascadePublished):

@@ -32,9 +32,10 @@ from lanekeep_baselines.scan_features import ScanReader, WallEnd
 from lanekeep_baselines.wall_cascade import LARGEST_HEADING
 from lanekeep_baselines.wall_control import Cascade, Measured
 from lanekeep_baselines.wall_design import WallCar
-from lanekeep_baselines.wall_estimator import HALF_CONE, WallFilter, WallNoise
+from lanekeep_baselines.wall_estimator import WallFilter, WallNoise
 from lanekeep_env.scenario import Scan
 from lanekeep_env.sensing.faults import Sensor, Sensors
+from lanekeep_env.sensing.ultrasonic import HALF_CONE
 
 _RIGHT_ANGLE = 0.5 * np.pi
 #: A corner of which nothing is known is this far ahead, m.

@@ -54,6 +54,9 @@ class CascadeDesign:
 
 #: Of the published cascade: zero and closed pole of the inner loop, and the gain read off the locus of the middle one.
 RATE_ZERO, RATE_POLE, HEADING_LOOP_GAIN = 0.1, 0.15, 0.556
+#: Gain of its distance at this speed, m/s, in degrees and in radians per m; at others in proportion to 1/v. The report
+#: prints none: with 4 its simulation swings "hardly" (Figure 3.35), with 2 the car in radians does not either.
+DISTANCE_GAIN_SPEED, DISTANCE_GAIN_DEGREES, DISTANCE_GAIN_RADIANS = 0.4, 4.0, 2.0
 
 
 def published_rate_loop_gain() -> float:

@@ -5,7 +5,7 @@ equations are theirs). y is the distance of the side sensor from the wall on the
 steering is positive away from the wall. That is positive to the left, as everywhere here: nothing changes sign.
 
 Units: every gain is a number per unit of the angles. The authors' simulation put metres and degrees into the same
-matrices, so that a gain of 88 was 88 degrees per metre on the car and 88 per metre in the design (`wall_simulation`).
+matrices, so that a gain of 88 was 88 degrees per metre on the car and 88 per metre in the design.
 
 Speeds are m/s, numbers or arrays; gains come back elementwise. No gain exists at standstill.
 """

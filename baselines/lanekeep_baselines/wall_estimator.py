@@ -20,9 +20,7 @@ from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.wall_design import WallCar
-
-#: Of the ultrasonic, rad: 45 degrees in all.
-HALF_CONE = float(np.deg2rad(22.5))
+from lanekeep_env.sensing.ultrasonic import HALF_CONE
 
 #: A heading is not believed beyond this, rad: the side sensor sees no wall at such an angle.
 LARGEST_ESTIMATE = float(np.deg2rad(60.0))

@@ -49,14 +49,24 @@ class WerlingTuning(NamedTuple):
         return np.clip((v - self.slow) / (self.fast - self.slow), 0.0, 1.0)
 
 
+class WerlingMeasured(NamedTuple):
+    """What the laws read of the centre of gravity, (n,) each: m, rad, rad, rad/s, m/s.
+
+    Lateral and heading error, sideslip, yaw rate and speed; where the laws are blended, ``beta`` and ``r`` may be
+    anything at or below v_k.
+    """
+
+    d: Floats
+    heading: Floats
+    beta: Floats
+    r: Floats
+    v: Floats
+
+
 def dynamic_steering(
     car: WerlingCar,
     frequency: float | Floats,
-    d: Floats,
-    course: Floats,
-    beta: Floats,
-    r: Floats,
-    v: Floats,
+    at: WerlingMeasured,
     kappa: Floats,
     wanted: float | Floats = 0.0,
     margin: float = MARGIN,
@@ -68,15 +78,13 @@ def dynamic_steering(
     Args:
         car: the car, with the friction that is believed in.
         frequency: omega, 1/s.
-        d: lateral error of the centre of gravity, m.
-        course: its course error theta, rad: heading error plus sideslip.
-        beta: sideslip, rad.
-        r: yaw rate, rad/s.
-        v: speed, m/s, forward and well above zero: the law does not hold in reverse, nor at standstill.
+        at: measurements at the centre of gravity; forward and well above standstill, elsewhere the law does not hold.
         kappa: curvature of the path, 1/m.
         wanted: lateral position that d decays to, m.
         margin: part of the tyre's peak that is asked for at the most.
     """
+    d, _, beta, r, v = at
+    course = at.heading + beta  # theta
     cosine = np.cos(course)
     pull = -frequency * (frequency * (d - wanted) + 2.0 * v * np.sin(course))
     turning = v * v * kappa * cosine / np.maximum(1.0 - d * kappa, SMALLEST)
@@ -128,19 +136,6 @@ def shifted(d: Floats, heading: Floats, kappa: Floats, ahead: float | Floats) ->
     return lateral, heading - np.arctan2(along, across)
 
 
-class WerlingMeasured(NamedTuple):
-    """What the laws read of the centre of gravity, (n,) each: m, rad, rad, rad/s, m/s.
-
-    ``heading`` is the heading error, ``beta`` the sideslip; at or below v_k, ``beta`` and ``r`` may be anything.
-    """
-
-    d: Floats
-    heading: Floats
-    beta: Floats
-    r: Floats
-    v: Floats
-
-
 def blended_steering(
     car: WerlingCar,
     tuning: WerlingTuning,
@@ -170,10 +165,9 @@ def blended_steering(
     blend = part > 0.0
     # Rows that have no use for the dynamic law show it a harmless state: neither v = 0 nor what beta is there.
     beta, r, v = np.where(blend, at.beta, 0.0), np.where(blend, at.r, 0.0), np.maximum(at.v, tuning.slow)
+    shown = at._replace(beta=beta, r=r, v=v)
     wanted = -0.5 * shift * car.to_rear**2 * kappa
-    quick, limited = dynamic_steering(
-        car, tuning.frequency, at.d, at.heading + beta, beta, r, v, steered_for, wanted, tuning.margin
-    )
+    quick, limited = dynamic_steering(car, tuning.frequency, shown, steered_for, wanted, tuning.margin)
     return slow + part * (quick - slow), limited & blend
 
 

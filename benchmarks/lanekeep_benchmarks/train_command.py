@@ -5,13 +5,17 @@ from __future__ import annotations
 import json
 import shlex
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from lanekeep_benchmarks.endings import disk_errors, input_errors, interruptible
+
+if TYPE_CHECKING:
+    from lanekeep_agents.policy_record import Training
+    from lanekeep_agents.training.settings import TrainingSettings
 
 
 def train(
@@ -43,19 +47,13 @@ def train(
     """
     with input_errors():
         try:
-            from lanekeep_agents.training.folder import policy_name, settings_in
+            from lanekeep_agents.training.folder import policy_name
             from lanekeep_agents.training.run import run
             from lanekeep_agents.training.settings import changes_from, settings_for
         except ModuleNotFoundError as error:
             raise ImportError(f'{error.name} is missing: pip install "lanekeep[agents]"') from error
         if resume and algorithm is None:
-            if out is None:
-                raise ValueError("--resume needs --out, the folder of the run")
-            if any(given is not None for given in (seed, steps, base, bound, imitate, changes or None)):
-                raise ValueError(
-                    "--resume without ALGO and ENV goes on with the run in --out as it is: no other settings"
-                )
-            settings = settings_in(out)
+            settings = _settings_as_they_were(out, (seed, steps, base, bound, imitate, changes or None))
         elif algorithm is None or env_id is None:
             raise ValueError("ALGO and ENV are missing, e.g. lanekeep train ppo LaneKeep-v0")
         else:
@@ -69,24 +67,36 @@ def train(
     how = f"; to go on: lanekeep train --resume --out {shlex.quote(str(folder))}"
     with interruptible(how), input_errors(), disk_errors(how), _progress() as progress:
         task = progress.add_task(name, total=settings.steps, told="")
-        policy = run(
-            settings,
-            folder,
-            resume=resume,
-            overwrite=overwrite,
-            threads=threads,
-            report=lambda done, line: progress.update(task, completed=done, told=line),
-        )
-    record = policy.record
+
+        def show(done: int, line: str) -> None:
+            progress.update(task, completed=done, told=line)
+
+        policy = run(settings, folder, resume=resume, overwrite=overwrite, threads=threads, report=show)
+    file = folder / f"{name}.json"
     if as_json:
-        print(json.dumps({"folder": str(folder), "policy": str(folder / f"{name}.json"), **record.training.scores}))
-        return
-    scores = record.training.scores
-    print(
-        f"{name}: return {scores['mean_return']:.4g}, {scores['failure_rate']:.1%} failed, RMS lateral error "
-        f"{scores['rms_lateral_error']:.3f} m over {scores['episodes']} held-out episodes; {settings.steps:,} steps in "
-        f"{record.training.seconds:.0f} s, {scores['environment_share']:.0%} of it in the environment\n"
-        f"Policy: {folder / f'{name}.json'}"
+        print(json.dumps({"folder": str(folder), "policy": str(file), **policy.record.training.scores}))
+    else:
+        print(f"{name}: {_in_words(policy.record.training)}\nPolicy: {file}")
+
+
+def _settings_as_they_were(out: Path | None, others: tuple[object, ...]) -> TrainingSettings:
+    """Return those of the run in ``out``; ``others`` that are given as well are refused."""
+    from lanekeep_agents.training.folder import settings_in
+
+    if out is None:
+        raise ValueError("--resume needs --out, the folder of the run")
+    if any(given is not None for given in others):
+        raise ValueError("--resume without ALGO and ENV goes on with the run in --out as it is: no other settings")
+    return settings_in(out)
+
+
+def _in_words(training: Training) -> str:
+    """How good the policy is and what it took."""
+    scores = training.scores
+    return (
+        f"return {scores['mean_return']:.4g}, {scores['failure_rate']:.1%} failed, RMS lateral error "
+        f"{scores['rms_lateral_error']:.3f} m over {scores['episodes']} held-out episodes; {training.steps:,} steps in "
+        f"{training.seconds:.0f} s, {scores['environment_share']:.0%} of it in the environment"
     )
 
 

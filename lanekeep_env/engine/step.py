@@ -21,7 +21,8 @@ from lanekeep_env.engine.episode import set_speeds
 from lanekeep_env.physics.integrate import PACED, named
 from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.numeric import clip, like
-from lanekeep_env.tasks.divergence import DIVERGED, are_finite
+from lanekeep_env.tasks.divergence import are_finite
+from lanekeep_env.tasks.termination import DIVERGED
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,10 +22,8 @@ from lanekeep_env.scenario.integration import Integration, rolling, slipping
 from lanekeep_env.scenario.scan import SCANS, Scan, scan_from
 from lanekeep_env.scenario.servo import Servo, servo_from
 from lanekeep_env.sensing.faults import WALL_CHANNELS, WALL_SENSOR_SETS, sensors_from
+from lanekeep_env.sensing.ultrasonic import FARTHEST
 from lanekeep_env.walls import Corridor, RandomCircuits, WorldRecord, world_from
-
-#: Range of an ultrasonic sensor, m, and half the angle of its cone, rad (Team KnightRiders 2017).
-ULTRASONIC = (0.03, 6.0, math.radians(22.5))
 
 #: Largest angle of the road wheel, whatever it is told, rad.
 LARGEST_ANGLE = 1.5
@@ -117,7 +115,7 @@ class WallFollowScenario(CarScenario):
         choose("dynamics", self.dynamics, ("kinematic", "dynamic"))
         super()._check()
         self._check_angles()
-        require("set_distance", self.set_distance, "m", above=0.0, at_most=ULTRASONIC[1])
+        require("set_distance", self.set_distance, "m", above=0.0, at_most=FARTHEST)
         require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=1e3)
         require("start_heading_error", self.start_heading_error, "rad", at_least=0.0, at_most=math.pi)
         choose("contact", self.contact, DEPARTURES)
@@ -190,13 +188,12 @@ class WallFollowScenario(CarScenario):
         return 0.0
 
     def _channels(self) -> list[Channel]:
-        far = ULTRASONIC[1]
         channels = [
             Channel(
                 f"distance_{side}",
                 "m",
                 0.0,
-                far,
+                FARTHEST,
                 f"of the nearest wall in the ultrasonic's cone to the {side}, 0: no echo",
                 row,
                 Measured(missing=0.0, holds=False),

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from lanekeep_env.compile import helper
 from lanekeep_env.physics.numeric import clip, larger, like, smaller
+
+#: The 1:10 car's (Team KnightRiders 2017): range, m, and half the angle of the cone, rad.
+NEAREST, FARTHEST, HALF_CONE = 0.03, 6.0, math.radians(22.5)
+#: Of half the angle, written down: not every machine's tan ends in the same digit.
+TANGENT = 0.41421356237309503
 
 
 @helper

@@ -5,9 +5,6 @@ from __future__ import annotations
 from lanekeep_env.compile import inline
 from lanekeep_env.physics.numeric import like
 
-#: Code of `lanekeep_env.Termination`.
-DIVERGED = 4.0
-
 
 @inline
 def are_finite(x, d, theta, beta, r, v, steered, acceleration):

@@ -6,9 +6,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.compile import inline
 from lanekeep_env.physics.numeric import larger, like, select, smaller
 from lanekeep_env.tasks.lane_keeping import running_cost
-
-#: Codes of `lanekeep_env.Termination`.
-CONTACT, FINISHED = 2.0, 3.0
+from lanekeep_env.tasks.termination import CONTACT, FINISHED
 
 
 @inline

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lanekeep_baselines
-from lanekeep_baselines.wall_simulation import simulate
+from lanekeep_benchmarks.replications.wall_simulation import simulate
 from lanekeep_env import CircuitScenario, WallFollowScenario
 
 CORRIDOR = {"kind": "corridor", "length": 120.0, "width": 4.0}
@@ -53,7 +53,7 @@ def follow(name, steps, lanes=1, seed=0, start=None, **keywords):
 @pytest.mark.parametrize("speed", [0.4, 0.6])
 def test_policies_are_the_controllers_of_the_car_without_a_world(policy, name, variant, speed) -> None:
     """A simulation that knows neither walls nor sensors; headings stay inside the ultrasonic's cone."""
-    run = simulate(name, variant, (0.95, 2.0), speed, duration=5.0)
+    run = simulate(name, variant, (0.95, 2.0, speed), duration=5.0)
     start = {"lateral_error": -0.05, "heading_error": math.radians(2.0)}
     errors, _, touched = follow(policy, len(run.time) - 1, start=start, speed=speed)
     assert not touched.any()

@@ -101,7 +101,7 @@ def test_below_v_k_the_dynamic_law_is_not_asked() -> None:
     v = np.array([tuning.fast, 12.0])
     at = WerlingMeasured(*(np.full(2, x) for x in (0.2, 0.1, 0.01, 0.05)), v)
     steer, _ = blended_steering(CAR, tuning, at, np.ones(2), np.full(2, 0.01))
-    alone = dynamic_steering(CAR, 1.0, at.d, at.heading + at.beta, at.beta, at.r, v, np.full(2, 0.01), -0.0114005)
+    alone = dynamic_steering(CAR, 1.0, at, np.full(2, 0.01), -0.0114005)
     assert steer == pytest.approx(alone[0], abs=1e-9)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from lanekeep_baselines.werling_lateral import curvature_ahead, dynamic_steering, kinematic_steering
+from lanekeep_baselines.werling_lateral import WerlingMeasured, curvature_ahead, dynamic_steering, kinematic_steering
 from lanekeep_baselines.werling_tyres import WerlingCar
 from lanekeep_env.physics.parameters import VehicleParameters
 
@@ -22,7 +22,7 @@ def shipped(friction: float, omega: float = 1.0):
 
     def law(*values: float) -> tuple[float, bool]:
         d, heading, beta, r, v, kappa = (np.array([float(x)]) for x in values)
-        steer, limited = dynamic_steering(car, omega, d, heading + beta, beta, r, v, kappa)
+        steer, limited = dynamic_steering(car, omega, WerlingMeasured(d, heading, beta, r, v), kappa)
         return float(np.clip(steer[0], -LARGEST_ANGLE, LARGEST_ANGLE)), bool(limited[0])
 
     return law

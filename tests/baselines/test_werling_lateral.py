@@ -66,7 +66,7 @@ def test_dynamic_law_is_linear_on_circles(werling) -> None:
     def rates(_, flat):
         z = flat.reshape(5, 10)
         d, heading = errors(z)
-        steer, limited = dynamic_steering(CAR, omega, d, heading + z[3], z[3], z[4], v, kappa)
+        steer, limited = dynamic_steering(CAR, omega, WerlingMeasured(d, heading, z[3], z[4], v), kappa)
         assert not limited.any()
         return np.concatenate(werling.world_rates(*z, steer, v))
 
@@ -85,7 +85,7 @@ def test_dynamic_law_is_linear_where_curvature_changes(werling) -> None:
     def rates(_, flat):
         s, d, heading, beta, r = flat.reshape(5, 4)
         kappa, course = 2.0 / v**2 * (2.0 / np.pi) * np.arcsin(np.sin(1.5 * s / v)), heading + beta
-        steer, limited = dynamic_steering(CAR, omega, d, course, beta, r, v, kappa)
+        steer, limited = dynamic_steering(CAR, omega, WerlingMeasured(d, heading, beta, r, v), kappa)
         assert not limited.any()
         beta_rate, r_rate, _ = werling.body_rates(beta, r, steer, v)
         along = v * np.cos(course) / (1.0 - d * kappa)
@@ -125,9 +125,8 @@ def test_zero_dynamics(werling, v: float) -> None:
     one = np.ones(1)
 
     def law(x):
-        return dynamic_steering(CAR, 1.0, x[0] * one, (x[1] + x[2]) * one, x[2] * one, x[3] * one, v * one, 0.0 * one)[
-            0
-        ][0]
+        at = WerlingMeasured(*(number * one for number in (*x[:4], v)))
+        return dynamic_steering(CAR, 1.0, at, 0.0 * one)[0][0]
 
     car = werling.linear_car(v)
     loop = car[:, :4] + np.outer(car[:, 4], werling.gradient(law, 4))
@@ -147,7 +146,7 @@ def sampled_law(omega: float, v: float, delay: float, predicting: bool):
         at = WerlingMeasured(*(np.array([z]) for z in (*x[:4], v)))
         if predicting:
             at, _ = predict(CAR, path, at, x[4:5], x[None, 5:], np.zeros((1, path.queued)))
-        return dynamic_steering(CAR, omega, at.d, at.heading + at.beta, at.beta, at.r, at.v, np.zeros(1))[0][0]
+        return dynamic_steering(CAR, omega, at, np.zeros(1))[0][0]
 
     return law
 
@@ -219,7 +218,7 @@ def test_queue_of_commands() -> None:
 def test_near_the_centre_of_curvature_and_across_the_path_steering_is_bounded() -> None:
     d, course = (x.ravel() for x in np.meshgrid(np.linspace(-30.0, 30.0, 61), np.linspace(-np.pi, np.pi, 61)))
     zero, v = np.zeros_like(d), np.full_like(d, 10.0)
-    steer, limited = dynamic_steering(CAR, 1.0, d, course, zero, zero, v, np.full_like(d, 0.05))
+    steer, limited = dynamic_steering(CAR, 1.0, WerlingMeasured(d, course, zero, zero, v), np.full_like(d, 0.05))
     assert np.isfinite(steer).all() and np.abs(steer).max() < 0.25 and limited.any()
     slow = kinematic_steering(LENGTH, 1.0, d, course, np.ones_like(d), np.full_like(d, 0.05))
     assert np.isfinite(slow).all() and np.abs(slow).max() < 0.5 * np.pi

@@ -27,7 +27,7 @@ from lanekeep_agents.training.evaluation import HeldOut
 from lanekeep_agents.training.folder import CHECKPOINT, SETTINGS, check, settings_in
 from lanekeep_agents.training.normalisation import Normalised
 from lanekeep_agents.training.rewards import LearnersRewards
-from lanekeep_agents.training.run import _Course, _model, run
+from lanekeep_agents.training.run import _Course, _model, _Sitting, run
 from lanekeep_agents.training.settings import TrainingSettings, settings_for
 from lanekeep_agents.vec_env import LaneVecEnv
 from lanekeep_baselines.identification import DrivenRun
@@ -108,7 +108,7 @@ def _course(settings: TrainingSettings, folder: Path) -> tuple[Any, Any]:
     lanes = LaneVecEnv(settings.env_id, settings.num_envs, dtype="float32", **settings.env)
     rewards = LearnersRewards(lanes, 1.0, settings.gamma, settings.reward_scale)
     env = Normalised(rewards)
-    return _model(settings, env), _Course(settings, folder, env, rewards, _held_out(), None, 0.0, 0.0, None)
+    return _model(settings, env), _Course(settings, folder, env, rewards, _held_out(), None, _Sitting(0.0, 0.0, None))
 
 
 @cache

@@ -25,7 +25,7 @@ import numpy as np
 from with_effect import with_effect
 
 import lanekeep_env
-from lanekeep_env.envs.termination import Termination
+from lanekeep_env.tasks.termination import Termination
 
 #: What a number may be wrong by: orders of magnitude, degrees and radians, km/h, pounds and feet, sign, nothing at all.
 FACTORS = (1e-3, 1e3, math.degrees(1.0), math.radians(1.0), 3.6, 1 / 3.6, 0.4536, 0.3048, -1.0, 0.0)

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -89,7 +89,8 @@ def run(
     model = _model(settings, env)
     held_out = HeldOut(settings.env_id, keywords, settings.evaluation_episodes, settings.seed_of("evaluation"))
     teacher = None if settings.imitate is None else lanekeep_baselines.make(settings.imitate, scenario)
-    course = _Course(settings, folder, env, rewards, held_out, scenario, started, checkpoint_seconds, report)
+    sitting = _Sitting(started, checkpoint_seconds, report)
+    course = _Course(settings, folder, env, rewards, held_out, scenario, sitting)
     # Only now: what does not fit the environment is known before another run is replaced.
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder):
@@ -138,6 +139,20 @@ def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
         raise ValueError(f"parameters={further!r} are not allowed: {error}") from error
 
 
+class _Sitting(NamedTuple):
+    """What is of this process alone, when a run goes on in several.
+
+    Attributes:
+        started: when, by `time.perf_counter`, s.
+        checkpoint_seconds: time between checkpoints.
+        report: called with the steps done and a line to show.
+    """
+
+    started: float
+    checkpoint_seconds: float
+    report: Report | None
+
+
 class _Course(BaseCallback):
     """What happens between rollouts: evaluations at fixed steps, checkpoints now and then, reports."""
 
@@ -149,16 +164,13 @@ class _Course(BaseCallback):
         rewards: LearnersRewards,
         held_out: HeldOut,
         scenario: Any,
-        started: float,
-        checkpoint_seconds: float,
-        report: Report | None,
+        sitting: _Sitting,
     ) -> None:
         super().__init__()
         self._settings, self._folder = settings, folder
         self._env, self._rewards = env, rewards
         self._held_out, self._scenario = held_out, scenario
-        self._checkpoint_seconds, self._report = checkpoint_seconds, report
-        self._started = self._saved = started
+        self._sitting, self._saved = sitting, sitting.started
         #: (steps, score) of each evaluation so far, the seconds of earlier sittings and the best policy's tensors.
         self._scores: list[tuple[int, Score]] = []
         self._earlier = {"total": 0.0, "environment": 0.0}
@@ -195,10 +207,10 @@ class _Course(BaseCallback):
         share = self._settings.steps / self._settings.evaluations
         if not self._scores or self.num_timesteps // share > self._scores[-1][0] // share:
             self._evaluate()
-        if time.perf_counter() - self._saved >= self._checkpoint_seconds:
+        if time.perf_counter() - self._saved >= self._sitting.checkpoint_seconds:
             self._save()
-        if self._report is not None:
-            self._report(self.num_timesteps, self._line())
+        if self._sitting.report is not None:
+            self._sitting.report(self.num_timesteps, self._line())
 
     def _evaluate(self) -> None:
         network, normalisation, tensors = export_sb3(self.model, self._env)
@@ -224,7 +236,7 @@ class _Course(BaseCallback):
     def _seconds(self) -> dict[str, float]:
         """Of the whole run, and of that in the environment."""
         return {
-            "total": self._earlier["total"] + time.perf_counter() - self._started,
+            "total": self._earlier["total"] + time.perf_counter() - self._sitting.started,
             "environment": self._earlier["environment"] + self._rewards.seconds,
         }
 

@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 
 from lanekeep_baselines.identification.result import PARAMETERS, Identification
 from lanekeep_baselines.identification.run import DrivenRun, UnusableRun
-from lanekeep_baselines.identification.simulate import OUTPUTS, simulate
+from lanekeep_baselines.identification.simulate import OUTPUTS, Inputs, simulate
 from lanekeep_baselines.identification.stretches import Stretches
 from lanekeep_baselines.policy import Floats
 
@@ -102,17 +102,9 @@ class Problem:
         unknowns[:, self.free] = points * self.size[self.free]
         parameters, states, biases = np.split(unknowns, [len(PARAMETERS), len(_SIZE)], axis=1)
         run, stretches = self.run, self.stretches
-        out = simulate(
-            parameters,
-            states,
-            run.speed,
-            self.input,
-            run.step,
-            held=run.command is not None,
-            delay=run.delay,
-            anchor=stretches.anchor,
-            stretch=stretches.length,
-        )[:, :, self.columns]
+        inputs = Inputs(run.speed, self.input, run.step, run.command is not None, run.delay)
+        out = simulate(parameters, states, inputs, anchor=stretches.anchor, stretch=stretches.length)
+        out = out[:, :, self.columns]
         self.evaluations += len(points)
         out[:, :, self.biased] += biases[:, None]
         return stretches.turned(np.subtract(self.measured, out, out=out))

@@ -73,13 +73,36 @@ def record_run(
     """
     scenario = env.unwrapped.scenario  # type: ignore[attr-defined]
     road: Road = env.unwrapped.road_set()[0][0]  # type: ignore[attr-defined]
+    rows = _drive(env, seconds, policy, steering, seed)
+    speed, angle, command, yaw_rate, station, lateral, theta = np.array(rows).T
+    position, ratio = road.position(station, lateral), scenario.vehicle.steering_ratio
+    run = DrivenRun(
+        step=scenario.control_step,
+        speed=speed,
+        # An observation tells the command of the step that led to it.
+        command=ratio * np.append(command[1:], command[-1]),
+        yaw_rate=yaw_rate,
+        steering=ratio * angle,
+        heading=road.heading(station) + theta,
+        x=position[:, 0],
+        y=position[:, 1],
+        steering_ratio=ratio,
+        delay=scenario.vehicle.steering.delay,
+    )
+    return run if noise is None else noise.added_to(run, seed)
+
+
+def _drive(
+    env: gym.Env[Any, Any], seconds: float, policy: Policy | None, steering: Steering | None, seed: int
+) -> list[list[float]]:
+    """Return a `_row` of the start and of each step."""
+    scenario = env.unwrapped.scenario  # type: ignore[attr-defined]
+    step, by_rate = scenario.control_step, scenario.action == "steering_rate"
+    scale = scenario.max_steering_rate * step if by_rate else scenario.max_steering_angle
     column = {channel.name: i for i, channel in enumerate(scenario.channels)}
-    step, ratio = scenario.control_step, scenario.vehicle.steering_ratio
     options = {"road_index": 0, "arc_length": 0.0, "lateral_error": 0.0, "heading_error": 0.0}
     observation, info = env.reset(seed=seed, options=options)
     rows = [_row(observation, info, column)]
-    by_rate = scenario.action == "steering_rate"
-    scale = scenario.max_steering_rate * step if by_rate else scenario.max_steering_angle
     state, before = None, 0.0
     steps = round(seconds / step)
     for k in range(steps):
@@ -100,22 +123,7 @@ def record_run(
                 else f"the time is up: make the environment with episode_steps and max_episode_steps of {steps} or more"
             )
             raise ValueError(f"the drive ended after {(k + 1) * step:g} of {seconds:g} s: {cause}")
-    speed, angle, command, yaw_rate, station, lateral, theta = np.array(rows).T
-    position = road.position(station, lateral)
-    run = DrivenRun(
-        step=step,
-        speed=speed,
-        # An observation tells the command of the step that led to it.
-        command=ratio * np.append(command[1:], command[-1]),
-        yaw_rate=yaw_rate,
-        steering=ratio * angle,
-        heading=road.heading(station) + theta,
-        x=position[:, 0],
-        y=position[:, 1],
-        steering_ratio=ratio,
-        delay=scenario.vehicle.steering.delay,
-    )
-    return run if noise is None else noise.added_to(run, seed)
+    return rows
 
 
 def _row(observation: Floats, info: dict[str, Any], column: dict[str, int]) -> list[float]:

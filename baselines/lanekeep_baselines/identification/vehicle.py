@@ -35,6 +35,31 @@ def _coefficients(shape: Floats, ratio: float) -> Floats:
     return np.array([-(cf + cr), moment, moment / k, a22, cf / ratio, cf * front / (k * ratio)])
 
 
+def _nearest_shape(found: Identification, wheelbase: float | None) -> tuple[float, ...]:
+    """Return the (cf, cr, k, l_f, l_r) with coefficients nearest to the identified ones; ValueError: none is near."""
+    wanted = np.array([found.values[name] for name in ("a11", "a12", "a21", "a22", "b1", "b2")])
+    root = np.linalg.cholesky(found.covariance_matrix()[:6, :6])
+
+    def shape(logarithms: Floats) -> Floats:  # all five are positive
+        values = _ORDINARY * np.exp(logarithms)
+        if wheelbase is not None:
+            values[3:] *= wheelbase / (values[3] + values[4])
+        return values
+
+    def misfit(logarithms: Floats) -> Floats:
+        return solve_triangular(root, _coefficients(shape(logarithms), found.steering_ratio) - wanted, lower=True)
+
+    fit = least_squares(misfit, np.zeros(5), x_scale=0.1)
+    # Above this, chance is no explanation (five standard deviations for each number too many).
+    if not fit.cost < 0.5 * 25.0 * (1 if wheelbase is None else 2):
+        raise ValueError(
+            f"no car with a steering ratio of {found.steering_ratio:g}"
+            f"{'' if wheelbase is None else f' and a wheelbase of {wheelbase:g} m'} has coefficients near the "
+            f"identified ones: the nearest is {np.sqrt(2.0 * fit.cost):.1f} standard errors off"
+        )
+    return tuple(float(value) for value in shape(fit.x))
+
+
 def vehicle_from_identification(
     found: Identification,
     *,
@@ -62,27 +87,7 @@ def vehicle_from_identification(
     require("mass", mass, "kg", above=0.0, optional=True)
     require("yaw_inertia", yaw_inertia, "kg m²", above=0.0, optional=True)
     require("wheelbase", wheelbase, "m", above=0.0, optional=True)
-    wanted = np.array([found.values[name] for name in ("a11", "a12", "a21", "a22", "b1", "b2")])
-    root = np.linalg.cholesky(found.covariance_matrix()[:6, :6])
-
-    def shape(logarithms: Floats) -> Floats:  # all five are positive
-        values = _ORDINARY * np.exp(logarithms)
-        if wheelbase is not None:
-            values[3:] *= wheelbase / (values[3] + values[4])
-        return values
-
-    def misfit(logarithms: Floats) -> Floats:
-        return solve_triangular(root, _coefficients(shape(logarithms), found.steering_ratio) - wanted, lower=True)
-
-    fit = least_squares(misfit, np.zeros(5), x_scale=0.1)
-    # Above this, chance is no explanation (five standard deviations for each number too many).
-    if not fit.cost < 0.5 * 25.0 * (1 if wheelbase is None else 2):
-        raise ValueError(
-            f"no car with a steering ratio of {found.steering_ratio:g}"
-            f"{'' if wheelbase is None else f' and a wheelbase of {wheelbase:g} m'} has coefficients near the "
-            f"identified ones: the nearest is {np.sqrt(2.0 * fit.cost):.1f} standard errors off"
-        )
-    cf, cr, k, front, rear = (float(value) for value in shape(fit.x))
+    cf, cr, k, front, rear = _nearest_shape(found, wheelbase)
     scale = mass if mass is not None else (yaw_inertia or 0.0) / k
     old = base or VehicleParameters("identified", 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, steering_ratio=found.steering_ratio)
     steering = old.steering if base else SteeringActuator()

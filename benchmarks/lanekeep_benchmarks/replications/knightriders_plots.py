@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from lanekeep_baselines.wall_simulation import LIMIT, Run
 from lanekeep_benchmarks.plots import GRID, colour_of, png
+from lanekeep_benchmarks.replications.wall_simulation import LIMIT, Run
 
 MARKERS = (("o", "#b00000"), ("s", "#5b2a86"), ("^", "#404040"))
 

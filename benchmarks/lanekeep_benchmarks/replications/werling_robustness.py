@@ -155,6 +155,50 @@ ROADS = (
 )
 
 
+def path_of(lateral: float) -> str:
+    """A path by the lateral acceleration that it asks for, m/s²."""
+    return f"curve of {lateral:g} m/s²" if lateral else "straight"
+
+
+def after_jumps(lateral: float, friction: float, believed: float, factor: float) -> tuple[Floats, Floats]:
+    """Return time, s, and the errors after `JUMPS`, m, (steps, jumps); outwards counts positive.
+
+    ``lateral``, ``friction`` and ``believed`` are those of `ROADS`, ``factor`` that of the car's mass.
+    """
+    side = -1.0 if lateral else 1.0
+    driven = drive(
+        "LaneKeep-v0",
+        "werling-lateral",
+        9.0,
+        {"lateral_error": side * JUMPS, "arc_length": 0.0},
+        cars=len(JUMPS),
+        believed={"vehicle": "passat", "friction": believed},
+        vehicle={"base": "passat", "mass": factor * CAR.mass},
+        tyre="magic_formula",
+        friction=friction,
+        road={"kind": "circle", "radius": SPEED**2 / lateral} if lateral else {"kind": "straight"},
+        speed=SPEED,
+        preview=1,
+        max_steering_angle=0.5,
+    )
+    return driven.time, side * driven["lateral_error"]
+
+
+def cost_of_jumps(time: Floats, jumped: Floats, without: float) -> tuple[str, ...]:
+    """Seconds until the four smallest are over, overshoot, error without a jump, and the jump that is too much.
+
+    ``jumped``: what the jumps but the first, of 0 m, add to the error; ``without``: the error that this one ends with.
+    """
+    times = [back_within(time, trace, BAND) for trace in jumped.T]
+    lost = [jump for jump, back in zip(JUMPS[1:], times, strict=True) if math.isinf(back)]
+    return (
+        *(f"{back:.1f}" if math.isfinite(back) else "not" for back in times[:4]),
+        f"{100.0 * max(-float(jumped[:, 1].min()), 0.0):.0f}",
+        "lost" if abs(without) > 5.0 else f"{100.0 * without:.0f}",
+        f"{lost[0]:g}" if lost else f"none up to {JUMPS[-1]:g}",
+    )
+
+
 def jumps(found: Replication) -> None:
     """The measured position jumps, on a straight and outwards in a curve, with the friction known and not.
 
@@ -162,45 +206,15 @@ def jumps(found: Replication) -> None:
     """
     rows, traces = [], {}
     for lateral, friction, believed in ROADS:
-        road = {"kind": "circle", "radius": SPEED**2 / lateral} if lateral else {"kind": "straight"}
-        where = f"curve of {lateral:g} m/s²" if lateral else "straight"
-        side = -1.0 if lateral else 1.0
         for factor in (0.8, 1.0, 1.2):
-            driven = drive(
-                "LaneKeep-v0",
-                "werling-lateral",
-                9.0,
-                {"lateral_error": side * JUMPS, "arc_length": 0.0},
-                cars=len(JUMPS),
-                believed={"vehicle": "passat", "friction": believed},
-                vehicle={"base": "passat", "mass": factor * CAR.mass},
-                tyre="magic_formula",
-                friction=friction,
-                road=road,
-                speed=SPEED,
-                preview=1,
-                max_steering_angle=0.5,
-            )
-            error = side * driven["lateral_error"]
-            error, without = error[:, 1:] - error[:, :1], float(error[-1, 0])
-            times = [back_within(driven.time, trace, BAND) for trace in error.T]
-            lost = [jump for jump, time in zip(JUMPS[1:], times, strict=True) if math.isinf(time)]
-            rows.append(
-                (
-                    where,
-                    f"{friction:g}",
-                    f"{believed:g}",
-                    f"{100.0 * (factor - 1.0):+.0f}",
-                    *(f"{time:.1f}" if math.isfinite(time) else "not" for time in times[:4]),
-                    f"{100.0 * max(-float(error[:, 1].min()), 0.0):.0f}",
-                    "lost" if abs(without) > 5.0 else f"{100.0 * without:.0f}",
-                    f"{lost[0]:g}" if lost else f"none up to {JUMPS[-1]:g}",
-                )
-            )
+            time, error = after_jumps(lateral, friction, believed, factor)
+            jumped = error[:, 1:] - error[:, :1]
+            setting = (path_of(lateral), f"{friction:g}", f"{believed:g}", f"{100.0 * (factor - 1.0):+.0f}")
+            rows.append((*setting, *cost_of_jumps(time, jumped, float(error[-1, 0]))))
             if factor == 1.0 and friction != 0.5:
-                called = f"{where}, friction {friction:g}"
+                called = f"{path_of(lateral)}, friction {friction:g}"
                 called += "" if friction == believed else f",\nlaw believes {believed:g}"
-                traces[called] = (driven.time, error)
+                traces[called] = (time, jumped)
     found.tables.append(
         Table(
             f"The measured position jumps at 55 km/h: seconds until within {BAND:g} m of a run without it, of 9 s",

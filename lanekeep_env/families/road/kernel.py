@@ -14,9 +14,8 @@ from lanekeep_env.sensing.camera import edge_distance
 from lanekeep_env.sensing.measure import measure
 from lanekeep_env.tasks.driving import happen, move_on, wanted_speed
 from lanekeep_env.tasks.lane_keeping import judge
+from lanekeep_env.tasks.termination import CONTACT
 
-#: Code of `lanekeep_env.Termination` where the car ahead was met.
-MET = 2.0
 #: Rows that follow from the state or that it follows from.
 STATE_ROWS = (
     at.ALONG,
@@ -136,7 +135,7 @@ def _judge_drive(n, block, settings, outcome, drive):
                 block[at.LEAD_GAP, i] = zero
                 left = horizon - block[at.STEP, i]
                 reward_[i] = -cap * seconds * (one + (left if left > zero else zero) if ends else one)
-                terminated_[i] = like(seconds, MET) if ends else zero
+                terminated_[i] = like(seconds, CONTACT) if ends else zero
 
 
 @helper

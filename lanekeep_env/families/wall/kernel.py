@@ -13,11 +13,12 @@ from lanekeep_env.compile import helper
 from lanekeep_env.engine.observe import gather
 from lanekeep_env.engine.step import Family
 from lanekeep_env.families.wall.line import follow
-from lanekeep_env.families.wall.sensors import FARTHEST, look_around, measure_clearance, read_encoder, touch
+from lanekeep_env.families.wall.sensors import look_around, measure_clearance, read_encoder, touch
 from lanekeep_env.families.wall.start import servo_angle, start_between_walls
 from lanekeep_env.physics.numeric import like, sin_cos, smaller, wrapped
 from lanekeep_env.sensing.measure import measure
 from lanekeep_env.sensing.scan import take_scan
+from lanekeep_env.sensing.ultrasonic import FARTHEST
 from lanekeep_env.tasks.wall_driving import judge_circuit, judge_following
 
 # The ground is (walls, centre lines, starts, scratch), ``equipment`` (sensors, gear, slip-speed floor, servo, and

@@ -7,11 +7,8 @@ import numpy as np
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper
 from lanekeep_env.physics.numeric import like, sin_cos, smaller
-from lanekeep_env.sensing.ultrasonic import cone_distance
+from lanekeep_env.sensing.ultrasonic import FARTHEST, NEAREST, TANGENT, cone_distance
 from lanekeep_env.walls.contact import clearance, sweeps
-
-#: Ultrasonics: range, m, and tangent of half the cone's angle (22.5 degrees).
-NEAREST, FARTHEST, TANGENT = 0.03, 6.0, 0.41421356237309503
 
 
 @helper

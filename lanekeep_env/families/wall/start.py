@@ -16,10 +16,10 @@ from lanekeep_env.engine.episode import (
     set_speed,
 )
 from lanekeep_env.families.wall.line import locate
-from lanekeep_env.families.wall.sensors import FARTHEST, look_around, measure_clearance
+from lanekeep_env.families.wall.sensors import look_around, measure_clearance
 from lanekeep_env.physics.numeric import like, sin_cos
 from lanekeep_env.randomness import derive, uniform
-from lanekeep_env.sensing.ultrasonic import cone_distance
+from lanekeep_env.sensing.ultrasonic import FARTHEST, cone_distance
 from lanekeep_env.walls.contact import sweeps, touches
 
 #: Counter of the steering offset's draw, behind those of the car.

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lanekeep_baselines.identification import SensorNoise, excited_drive
-from lanekeep_baselines.identification.simulate import simulate
+from lanekeep_baselines.identification.simulate import Inputs, simulate
 from lanekeep_baselines.yin_design import YinModel
 from lanekeep_env.physics.parameters import VEHICLES
 
@@ -53,9 +53,8 @@ def test_against_scipy(step: float, lag: float, delay: float) -> None:
         x = solve_ivp(rates, (begin, end), x, args=(held,), rtol=1e-10, atol=1e-12).y[:, -1]
     expected_rows = np.array(expected)
     parameters = np.array([*TRUTH[:6], lag])
-    got = simulate(
-        parameters[None], start[None], speed, command, step, delay=delay, anchor=np.tile(anchor, (count, 1))
-    )[0]
+    inputs = Inputs(speed, command, step, delay=delay)
+    got = simulate(parameters[None], start[None], inputs, anchor=np.tile(anchor, (count, 1)))[0]
     known = slice(1, None) if lag == 0.0 else slice(0, None)  # without lag the angle is last step's command
     np.testing.assert_allclose(got[: len(expected), known], expected_rows[:, [0, 2, 3, 4, 5]][:, known], atol=3e-6)
 
@@ -65,7 +64,7 @@ def test_against_the_environment() -> None:
     run = excited_drive(3, noise=SILENT)
     start = np.array([run.steering[0], 0.0, run.yaw_rate[0]])
     anchor = np.stack([run.heading, run.x, run.y], axis=1)
-    got = simulate(TRUTH[None], start[None], run.speed, run.command, run.step, anchor=anchor)[0]
+    got = simulate(TRUTH[None], start[None], Inputs(run.speed, run.command, run.step), anchor=anchor)[0]
     off = np.abs(got - np.stack([run.steering, run.yaw_rate, run.heading, run.x, run.y], axis=1)).max(axis=0)
     assert (off < [1e-6, 1e-5, 2e-5, 2e-3, 2e-3]).all(), off
 
@@ -75,13 +74,14 @@ def test_lanes_are_independent_and_stretches_start_at_the_anchor() -> None:
     parameters = TRUTH * np.linspace(0.7, 1.3, 4)[:, None]
     start = np.zeros((4, 3))
     anchor = np.random.default_rng(0).normal(size=(len(run.speed), 3))
-    together = simulate(parameters, start, run.speed, run.command, run.step, anchor=anchor, stretch=300)
+    inputs = Inputs(run.speed, run.command, run.step)
+    together = simulate(parameters, start, inputs, anchor=anchor, stretch=300)
     for lane in range(4):
         one = slice(lane, lane + 1)
-        alone = simulate(parameters[one], start[one], run.speed, run.command, run.step, anchor=anchor, stretch=300)
+        alone = simulate(parameters[one], start[one], inputs, anchor=anchor, stretch=300)
         assert together[lane].tobytes() == alone[0].tobytes()
     np.testing.assert_array_equal(together[:, ::300, 2:], np.tile(anchor[::300], (4, 1, 1)))
-    whole = simulate(parameters, start, run.speed, run.command, run.step)
+    whole = simulate(parameters, start, inputs)
     np.testing.assert_array_equal(together[:, :, :2], whole[:, :, :2])  # steering and yaw rate run on
     shift = together[:, 300:600, 2] - together[:, 300:301, 2] - (whole[:, 300:600, 2] - whole[:, 300:301, 2])
     np.testing.assert_allclose(shift, 0.0, atol=1e-12)
@@ -94,7 +94,7 @@ def test_a_measured_angle_as_input_is_taken_linearly() -> None:
         times = np.arange(0.0, 2.0 + step / 2, step)
         angle = 0.3 * np.sin(2.0 * np.pi * times)
         speed = np.full(len(times), 25.0)
-        got = simulate(TRUTH[None], np.zeros((1, 3)), speed, angle, step, held=False)[0]
+        got = simulate(TRUTH[None], np.zeros((1, 3)), Inputs(speed, angle, step, held=False))[0]
         np.testing.assert_allclose(got[1:, 0], angle[1:], atol=1e-15)
         a, b = np.array([[TRUTH[0] / 25, TRUTH[1] / 625 - 1], [TRUTH[2], TRUTH[3] / 25]]), TRUTH[4:6] / [25, 1]
 

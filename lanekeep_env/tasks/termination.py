@@ -14,3 +14,9 @@ class Termination(IntEnum):
     FINISHED = 3
     #: The car's state was no number any more: a fault of the simulation, counted as a failure of the episode.
     DIVERGED = 4
+
+
+#: Codes as the compiled loops write them, among numbers.
+CONTACT, FINISHED, DIVERGED = (
+    float(code) for code in (Termination.CONTACT, Termination.FINISHED, Termination.DIVERGED)
+)

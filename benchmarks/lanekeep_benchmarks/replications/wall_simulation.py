@@ -8,8 +8,6 @@ same matrices (a start of [0.8; 20], no factor anywhere):
 - `as-driven`: the gains in degrees per metre on the car, as the authors had them on theirs: the distance weighs 57
   times less than it was designed to, the heading as much.
 - `si`: designed and driven in radians.
-
-Starts are given as the authors give theirs, in metres and degrees.
 """
 
 from __future__ import annotations
@@ -19,23 +17,32 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from lanekeep_baselines.policy import Floats
-from lanekeep_baselines.wall_cascade import LARGEST_HEADING
+from lanekeep_baselines.wall_cascade import (
+    DISTANCE_GAIN_DEGREES,
+    DISTANCE_GAIN_RADIANS,
+    DISTANCE_GAIN_SPEED,
+    LARGEST_HEADING,
+)
 from lanekeep_baselines.wall_control import Cascade, Measured, Pd, Pi, PiState, PublishedCascade, WallControl
 from lanekeep_baselines.wall_design import PD_SENSOR, PD_SPEED, WallCar, misprinted_pd_design, pd_design
-from lanekeep_baselines.wall_estimator import HALF_CONE, WallFilter, WallNoise
+from lanekeep_baselines.wall_estimator import WallFilter, WallNoise
+from lanekeep_env.sensing.ultrasonic import HALF_CONE
 
 VARIANTS = ("published", "as-driven", "si")
 CONTROLLERS = ("pi", "pi-state", "cascade", "cascade-delayed", "cascade-redesigned", "pd", "pd-misprinted")
 #: Steering limit of the report, degrees.
 LIMIT = 22.0
 DEGREE = float(np.pi / 180.0)
-#: Gain of the distance in the cascade at 0.4 m/s, per m. The report prints none: with 4 the published simulation swings
-#: "hardly" (Figure 3.35), with 2 the car in radians does not either. Other speeds: in proportion to 1/v.
-DISTANCE_GAIN = {"published": 4.0, "as-driven": 4.0, "si": 2.0}
-DISTANCE_GAIN_SPEED = 0.4
+#: The report's car, and that of the competition's PD.
+CAR, PD_CAR = WallCar(), WallCar(sensor=PD_SENSOR)
+#: A start as the report gives its own: distance in m, heading in degrees; and the speed, m/s.
+Start = tuple[float, float, float]
+#: Of the report's comparisons.
+STARTS: tuple[Start, Start] = ((0.8, 20.0, 0.4), (0.5, -20.0, 1.0))
+#: Distance asked for, m.
+WANTED = 1.0
 
 
 @dataclass(frozen=True)
@@ -93,8 +100,8 @@ def controller(name: str, variant: str, car: WallCar, speed: float, limit: float
     if name == "pi-state":
         return PiState(car, limit)
     if name in ("cascade", "cascade-delayed"):
-        gain = DISTANCE_GAIN[variant] * DISTANCE_GAIN_SPEED / speed
-        return PublishedCascade(car, limit, gain, delayed=name == "cascade-delayed")
+        gain = DISTANCE_GAIN_RADIANS if variant == "si" else DISTANCE_GAIN_DEGREES
+        return PublishedCascade(car, limit, gain * DISTANCE_GAIN_SPEED / speed, delayed=name == "cascade-delayed")
     if name == "cascade-redesigned":
         if variant != "si":
             raise ValueError(f"{name!r} is designed in radians: variant 'si', not {variant!r}")
@@ -106,52 +113,44 @@ def controller(name: str, variant: str, car: WallCar, speed: float, limit: float
 def simulate(
     name: str,
     variant: str,
-    start: tuple[float, float],
-    speed: float,
+    start: Start,
     *,
-    car: WallCar | None = None,
-    wanted: float = 1.0,
+    car: WallCar = CAR,
+    plant: Plant | None = None,
     limit: float = LIMIT,
     duration: float = 20.0,
-    linear: bool = False,
-    steering_offset: float = 0.0,
     noise: WallNoise | None = None,
-    seed: int = 0,
 ) -> Run:
-    """Drive one controller along the wall.
+    """Drive one controller along the wall, `WANTED` beside it.
 
     Args:
         name: one of `CONTROLLERS`.
         variant: one of `VARIANTS`.
-        start: distance in m, heading in degrees.
-        speed: m/s.
-        car: the report's, unless given.
-        wanted: distance asked for, m.
+        start: distance, heading and speed.
+        car: that the controller is designed for, and that is driven.
+        plant: driven in its place; None for the car itself, and for `published` the design's plant.
         limit: of the steering, degrees; inf for none.
         duration: s.
-        linear: the design's plant in radians instead of the car; `published` always has the design's plant.
-        steering_offset: degrees; of the car only.
         noise: of the side sensor, whose distance is then measured along its axis; None for the exact distance. Heading
             and yaw rate are exact.
-        seed: of the noise.
     """
-    car = WallCar() if car is None else car
-    rng = np.random.default_rng(seed)
+    side, turn, speed = start
     control = controller(name, variant, car, speed, limit)
-    mixed = variant == "published"
     # Plant's unit of angles in degrees, and the controller's in the plant's.
-    degrees = 1.0 if mixed else DEGREE
+    degrees = 1.0 if variant == "published" else DEGREE
     unit = DEGREE if variant == "as-driven" else 1.0
-    plant = linear_plant(car, speed) if mixed or linear else kinematic_plant(car, speed, steering_offset * DEGREE)
-    distance, heading = np.array([start[0]]), np.array([start[1] * degrees])
+    if plant is None:
+        plant = (linear_plant if variant == "published" else kinematic_plant)(car, speed)
+    rng = np.random.default_rng(0)
+    distance, heading = np.array([side]), np.array([turn * degrees])
     turned, memory = np.zeros(1), np.zeros((1, control.memory))
-    speeds, goal = np.array([speed]), np.array([wanted])
+    speeds, goal = np.array([speed]), np.array([WANTED])
     rows: list[list[float]] = []
     for step in range(round(duration / car.step)):
-        side = distance
+        seen = distance
         if noise is not None:
-            side = distance / np.cos(heading) + noise.side_distance * rng.standard_normal(1)
-        measured = Measured(speeds, side, heading / unit, turned / unit)
+            seen = distance / np.cos(heading) + noise.side_distance * rng.standard_normal(1)
+        measured = Measured(speeds, seen, heading / unit, turned / unit)
         steering, memory = control.command(measured, goal, memory, step == 0)
         rows.append([step * car.step, distance[0], heading[0] / degrees, steering[0] * unit / degrees])
         distance, after = plant(distance, heading, steering * unit)
@@ -160,48 +159,40 @@ def simulate(
 
 
 def simulate_estimated(
-    start: tuple[float, float],
-    speed: float,
+    start: Start,
     *,
-    car: WallCar | None = None,
-    wanted: float = 1.0,
-    duration: float = 30.0,
     steering_offset: float = 3.0,
     yaw_rate_bias: float = 0.05,
     servo_lag: float = 0.0,
     noise: WallNoise | None = None,
     seed: int = 0,
 ) -> Run:
-    """Drive the redesigned cascade on the Kalman filter: only side distance and yaw rate are measured, both noisy.
+    """Drive the redesigned cascade on the Kalman filter for 30 s: side distance and yaw rate are all that is measured.
 
     Args:
-        start: distance in m, heading in degrees; the filter does not know the heading.
-        speed: m/s.
-        car: the report's, unless given.
-        wanted: distance asked for, m.
-        duration: s.
+        start: distance, heading and speed; the filter does not know the heading.
         steering_offset: degrees.
         yaw_rate_bias: rad/s.
         servo_lag: time constant of a servo that neither filter nor cascade know of, s.
         noise: of the sensors; None for none. The filter has its own.
         seed: of the noise.
     """
-    car = WallCar() if car is None else car
-    rng = np.random.default_rng(seed)
+    car, rng = CAR, np.random.default_rng(seed)
+    side, turn, speed = start
     distance_noise, rate_noise = (0.0, 0.0) if noise is None else (noise.side_distance, noise.yaw_rate)
     control = Cascade(car, LIMIT * DEGREE, LARGEST_HEADING)
     estimator = WallFilter(car)
     plant = kinematic_plant(car, speed, steering_offset * DEGREE)
     left = 0.0 if servo_lag == 0.0 else float(np.exp(-car.step / servo_lag))
-    distance, heading = np.array([start[0]]), np.array([start[1] * DEGREE])
+    distance, heading = np.array([side]), np.array([turn * DEGREE])
     turned, steering, wheel = np.zeros(1), np.zeros(1), np.zeros(1)
     known, memory = np.zeros((1, estimator.memory)), np.zeros((1, control.memory))
-    speeds, goal = np.array([speed]), np.array([wanted])
+    speeds, goal = np.array([speed]), np.array([WANTED])
     rows: list[list[float]] = []
-    for step in range(round(duration / car.step)):
-        side = distance / np.cos(np.maximum(np.abs(heading) - HALF_CONE, 0.0)) + distance_noise * rng.standard_normal(1)
+    for step in range(round(30.0 / car.step)):
+        seen = distance / np.cos(np.maximum(np.abs(heading) - HALF_CONE, 0.0)) + distance_noise * rng.standard_normal(1)
         rate = turned / car.step + yaw_rate_bias + rate_noise * rng.standard_normal(1)
-        known = estimator.update(known, step == 0, speeds, steering, side, rate)
+        known = estimator.update(known, step == 0, speeds, steering, seen, rate)
         measured = Measured(speeds, known[:, 0], known[:, 1], (rate - known[:, 3]) * car.step)
         steering, memory = control.command(measured, goal, memory, step == 0)
         rows.append([step * car.step, distance[0], heading[0] / DEGREE, steering[0] / DEGREE])
@@ -213,17 +204,17 @@ def simulate_estimated(
 
 #: Arguments of `simulate` behind the report's figures, two of one run (distance, steering) under the first's number.
 FIGURES: dict[str, dict[str, Any]] = {
-    "3.8": {"name": "pi", "start": (0.0, 0.0), "speed": 0.4},
-    "3.9": {"name": "pi", "start": (0.8, 20.0), "speed": 0.4},
-    "3.10": {"name": "pi-state", "start": (0.8, 20.0), "speed": 0.4},
-    "3.12": {"name": "pi-state", "start": (0.0, 0.0), "speed": 0.4, "limit": np.inf},
-    "3.13": {"name": "pi-state", "start": (0.0, 0.0), "speed": 0.4},
-    "3.16": {"name": "pi-state", "start": (0.5, -20.0), "speed": 1.0, "limit": np.inf},
-    "3.17": {"name": "pi-state", "start": (0.5, -20.0), "speed": 1.0},
-    "3.33": {"name": "cascade", "start": (0.0, 0.0), "speed": 0.4},
-    "3.35": {"name": "cascade", "start": (0.8, 20.0), "speed": 0.4},
-    "3.37": {"name": "cascade", "start": (0.5, -20.0), "speed": 1.0},
-    "3.40": {"name": "pd-misprinted", "start": (0.0, 0.0), "speed": PD_SPEED, "car": WallCar(sensor=PD_SENSOR)},
+    "3.8": {"name": "pi", "start": (0.0, 0.0, 0.4)},
+    "3.9": {"name": "pi", "start": (0.8, 20.0, 0.4)},
+    "3.10": {"name": "pi-state", "start": (0.8, 20.0, 0.4)},
+    "3.12": {"name": "pi-state", "start": (0.0, 0.0, 0.4), "limit": np.inf},
+    "3.13": {"name": "pi-state", "start": (0.0, 0.0, 0.4)},
+    "3.16": {"name": "pi-state", "start": (0.5, -20.0, 1.0), "limit": np.inf},
+    "3.17": {"name": "pi-state", "start": (0.5, -20.0, 1.0)},
+    "3.33": {"name": "cascade", "start": (0.0, 0.0, 0.4)},
+    "3.35": {"name": "cascade", "start": (0.8, 20.0, 0.4)},
+    "3.37": {"name": "cascade", "start": (0.5, -20.0, 1.0)},
+    "3.40": {"name": "pd-misprinted", "start": (0.0, 0.0, PD_SPEED), "car": PD_CAR},
 }
 
 
@@ -232,7 +223,17 @@ def figure(number: str) -> Run:
     return simulate(variant="published", **FIGURES[number])
 
 
-def settled(run: Run, wanted: ArrayLike = 1.0, last: float = 5.0) -> float:
+def settled(run: Run, last: float = 5.0) -> float:
     """Return the largest distance from the wanted one in the ``last`` seconds, m."""
     late = run.distance[run.time >= run.time[-1] - last]
-    return float(np.max(np.abs(late - wanted)))
+    return float(np.max(np.abs(late - WANTED)))
+
+
+def at_limit(run: Run) -> float:
+    """Share of the time with the steering at its limit, %."""
+    return 100.0 * float(np.mean(np.abs(run.steering) > LIMIT - 1e-6))
+
+
+def lowest_after_peak(run: Run) -> float:
+    """Smallest distance behind the largest one, m."""
+    return float(run.distance[run.distance.argmax() :].min())
