@@ -1,4 +1,4 @@
-"""PPO of Stable-Baselines3 on compiled lanes: train, save as a policy file, load it and drive an episode.
+"""PPO of Stable-Baselines3 on compiled cars: train, save as a policy file, load it and drive an episode.
 
 python agents/examples/ppo.py --steps 1000000 --out ppo.json
 """
@@ -19,8 +19,8 @@ arguments = parser.parse_args()
 out = Path(arguments.out).with_suffix(".json")
 
 task = {"preview": 20, "action": "steering_rate"}
-lanes = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 256, dtype="float32", **task)
-envs = VecNormalize(VecMonitor(lanes), gamma=0.98)
+cars = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 256, dtype="float32", **task)
+envs = VecNormalize(VecMonitor(cars), gamma=0.98)
 network = {"net_arch": [32, 32], "log_std_init": -2.5}
 options = {"n_steps": 64, "batch_size": 2048, "n_epochs": 5, "gamma": 0.98, "learning_rate": 3e-3}
 model = PPO("MlpPolicy", envs, policy_kwargs=network, seed=0, device="cpu", **options)

@@ -1,4 +1,4 @@
-"""SAC of Stable-Baselines3 on compiled lanes: train, save as a policy file, load it and drive an episode.
+"""SAC of Stable-Baselines3 on compiled cars: train, save as a policy file, load it and drive an episode.
 
 python agents/examples/sac.py --steps 500000 --out sac.json
 """
@@ -19,8 +19,8 @@ arguments = parser.parse_args()
 out = Path(arguments.out).with_suffix(".json")
 
 task = {"preview": 20, "action": "steering_rate"}
-lanes = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 64, dtype="float32", **task)
-envs = VecNormalize(VecMonitor(lanes), gamma=0.98)
+cars = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 64, dtype="float32", **task)
+envs = VecNormalize(VecMonitor(cars), gamma=0.98)
 options = {"batch_size": 512, "learning_starts": 10_000, "gamma": 0.98, "learning_rate": 1e-3}
 model = SAC("MlpPolicy", envs, policy_kwargs={"net_arch": [64, 64]}, seed=0, device="cpu", **options)
 model.learn(arguments.steps)

@@ -2,7 +2,7 @@
 
 `load` gives a trained policy with the interface of the classical ones, run by numpy alone; `names` lists those that
 are shipped; `train` trains one. `sb3_vec_env` gives Stable-Baselines3 the compiled vector environment without a Python
-loop over lanes; `save` writes the policy of a model that was trained on it.
+loop over cars; `save` writes the policy of a model that was trained on it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lanekeep_env.checks import nearest, shown
 if TYPE_CHECKING:
     from lanekeep_agents.learned import LearnedPolicy
     from lanekeep_agents.policy_record import PolicyRecord
-    from lanekeep_agents.vec_env import LaneVecEnv
+    from lanekeep_agents.vec_env import CarVecEnv
     from lanekeep_env.scenario.car import CarScenario
 
 __all__ = ["load", "names", "save", "sb3_vec_env", "train"]
@@ -78,20 +78,20 @@ def _zoo() -> Path:
     return Path(__file__).with_name("zoo")
 
 
-def sb3_vec_env(env_id: str, num_envs: int, **keywords: Any) -> LaneVecEnv:
-    """Make ``env_id`` as a Stable-Baselines3 ``VecEnv`` of ``num_envs`` lanes.
+def sb3_vec_env(env_id: str, num_envs: int, **keywords: Any) -> CarVecEnv:
+    """Make ``env_id`` as a Stable-Baselines3 ``VecEnv`` of ``num_envs`` cars.
 
     Args:
         env_id: a registered id, e.g. "lanekeep/LaneKeep-v0".
-        num_envs: number of lanes.
+        num_envs: number of cars.
         keywords: those of ``gym.make_vec`` for this id (scenario fields, dtype, num_threads).
 
     Raises:
         ImportError: Stable-Baselines3 is not installed; names the extra that brings it.
     """
     with _extra():
-        from lanekeep_agents.vec_env import LaneVecEnv
-    return LaneVecEnv(env_id, num_envs, **keywords)
+        from lanekeep_agents.vec_env import CarVecEnv
+    return CarVecEnv(env_id, num_envs, **keywords)
 
 
 def save(path: str | Path, model: Any, overwrite: bool = False) -> PolicyRecord:
@@ -135,7 +135,7 @@ def train(
         env_id: a registered id; "lanekeep/" may be left out.
         out: folder for the policy file, the checkpoint, the evaluations and TensorBoard's events.
         seed: of the run.
-        steps: environment steps over all lanes; None takes those of the hyper-parameters.
+        steps: environment steps over all cars; None takes those of the hyper-parameters.
         resume: go on from the checkpoint in ``out``; overwrite: replace another run there.
         threads: of torch.
         report: called between rollouts with the steps done and a line that tells how good the policy is.

@@ -19,7 +19,7 @@ from torch import nn
 import lanekeep_env
 from lanekeep_agents.policy_file import write_policy
 from lanekeep_agents.policy_record import InputChannel, Network, Normalisation, PolicyRecord, Training
-from lanekeep_agents.vec_env import LaneVecEnv
+from lanekeep_agents.vec_env import CarVecEnv
 
 _ACTIVATIONS: dict[type[Any], str] = {nn.ReLU: "relu", nn.Tanh: "tanh"}
 
@@ -54,20 +54,20 @@ def export_sb3(model: Any, vec_normalize: Any = None) -> tuple[Network, Normalis
 
 
 def save_sb3(path: str | Path, model: Any, overwrite: bool = False) -> PolicyRecord:
-    """Write the policy file of a model that was trained on a `LaneVecEnv`; see `lanekeep_agents.save`."""
+    """Write the policy file of a model that was trained on a `CarVecEnv`; see `lanekeep_agents.save`."""
     env = model.get_env()
-    lanes = None if env is None else env.unwrapped
-    if not isinstance(lanes, LaneVecEnv):
+    cars = None if env is None else env.unwrapped
+    if not isinstance(cars, CarVecEnv):
         raise ValueError(f"env={env!r} is not allowed: the model must have been trained on sb3_vec_env(...)")
     layer: Any = env
-    while not isinstance(layer, LaneVecEnv):
+    while not isinstance(layer, CarVecEnv):
         if not isinstance(layer, VecNormalize | VecMonitor):
             raise ValueError(
                 f"env has the layer {type(layer).__name__}, which a policy file cannot hold; allowed: VecNormalize, "
                 "VecMonitor"
             )
         layer = layer.venv
-    vector: Any = lanes.env.unwrapped
+    vector: Any = cars.env.unwrapped
     network, normalisation, tensors = export_sb3(model, model.get_vec_normalize_env())
     record = PolicyRecord(
         name=Path(path).stem,

@@ -13,12 +13,12 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 import lanekeep_env  # noqa: F401
 
 
-class LaneVecEnv(VecEnv):
+class CarVecEnv(VecEnv):
     """Same-step autoreset, as Stable-Baselines3 expects it.
 
-    Infos are filled for the lanes whose episode ended in this step (terminal_observation,
+    Infos are filled for the cars whose episode ended in this step (terminal_observation,
     TimeLimit.truncated and the truth of the last step); the others share one empty dict, since a dict a
-    lane would cost more than the simulation. `truth` holds the vector infos of the last step.
+    car would cost more than the simulation. `truth` holds the vector infos of the last step.
     """
 
     def __init__(self, env_id: str, num_envs: int, **keywords: Any) -> None:
@@ -31,7 +31,7 @@ class LaneVecEnv(VecEnv):
         self._actions = np.zeros((num_envs, *(self.action_space.shape or ())), dtype=np.float32)
 
     def reset(self) -> VecEnvObs:
-        """Reset every lane; the seed of the last `seed` call is used once."""
+        """Reset every car; the seed of the last `seed` call is used once."""
         seed = None if self._seeds[0] is None else list(self._seeds)
         observation, self.truth = self.env.reset(seed=seed, options=self._start or None)  # type: ignore[arg-type]
         self.reset_infos = [{} for _ in range(self.num_envs)]
@@ -40,10 +40,10 @@ class LaneVecEnv(VecEnv):
         return observation
 
     def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
-        """Keep reset options for the next `reset`: one mapping for all lanes, or one a lane with the same keys."""
+        """Keep reset options for the next `reset`: one mapping for all cars, or one a car with the same keys."""
         each = [options or {}] * self.num_envs if not isinstance(options, list) else options
         if len({tuple(sorted(one)) for one in each}) > 1:
-            raise ValueError("reset options must have the same keys in every lane")
+            raise ValueError("reset options must have the same keys in every car")
         self._start = {key: np.array([one[key] for one in each]) for key in each[0]}
 
     def _reset_options(self) -> None:
@@ -54,18 +54,18 @@ class LaneVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Advance all lanes."""
+        """Advance all cars."""
         observation, rewards, terminated, truncated, self.truth = self.env.step(self._actions)
         dones = terminated | truncated
         infos: list[dict[str, Any]] = [{}] * self.num_envs
         if "final_obs" in self.truth:
             final, last = self.truth["final_obs"], self.truth["final_info"]
             names = [name for name in last if not name.startswith("_")]
-            for lane in np.flatnonzero(dones):
-                infos[lane] = {
-                    "terminal_observation": final[lane],
-                    "TimeLimit.truncated": bool(truncated[lane] and not terminated[lane]),
-                    **{name: last[name][lane].item() for name in names},
+            for car in np.flatnonzero(dones):
+                infos[car] = {
+                    "terminal_observation": final[car],
+                    "TimeLimit.truncated": bool(truncated[car] and not terminated[car]),
+                    **{name: last[name][car].item() for name in names},
                 }
         return observation, rewards, dones, infos
 
@@ -74,24 +74,24 @@ class LaneVecEnv(VecEnv):
         self.env.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return an attribute of the vector environment, once a lane asked for."""
+        """Return an attribute of the vector environment, once a car asked for."""
         value = getattr(self.env.unwrapped, attr_name)
-        lanes = list(self._get_indices(indices))
+        cars = list(self._get_indices(indices))
         if isinstance(value, np.ndarray) and len(value) == self.num_envs:
-            return [value[lane] for lane in lanes]
-        return [value] * len(lanes)
+            return [value[car] for car in cars]
+        return [value] * len(cars)
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Not supported: a scenario is frozen; make another environment."""
         raise AttributeError(f"{attr_name!r} cannot be set: scenarios are frozen, make another environment")
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Call a method of the vector environment once and return its result for each lane asked for."""
+        """Call a method of the vector environment once and return its result for each car asked for."""
         result = getattr(self.env.unwrapped, method_name)(*args, **kwargs)
         return [result] * len(list(self._get_indices(indices)))
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
-        """No lane is wrapped."""
+        """No car is wrapped."""
         return [False] * len(list(self._get_indices(indices)))
 
     def get_images(self) -> Sequence[np.ndarray | None]:

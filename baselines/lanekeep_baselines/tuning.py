@@ -61,7 +61,7 @@ STEP = 0.7
 
 
 def mean_return(envs: Any, policy: Policy, seed: int) -> float:
-    """Drive one episode in every lane of ``envs``, lane i with seed + i; return the mean of their returns."""
+    """Drive one episode in every car of ``envs``, car i with seed + i; return the mean of their returns."""
     observation, _ = envs.reset(seed=seed)
     state, total, driving = None, 0.0, np.ones(envs.num_envs, dtype=bool)
     for _ in range(envs.unwrapped.scenario.episode_steps):
@@ -112,10 +112,10 @@ def tune(name: str, budget: int = 2_000_000, seed: int = 0) -> tuple[Weights, fl
     return best, highest
 
 
-def _envs(lanes: int, scenario: dict[str, Any]) -> Any:
+def _envs(cars: int, scenario: dict[str, Any]) -> Any:
     return gym.make_vec(
         "lanekeep/LaneKeep-v0",
-        num_envs=lanes,
+        num_envs=cars,
         vectorization_mode="vector_entry_point",
         dtype="float32",
         autoreset_mode="disabled",

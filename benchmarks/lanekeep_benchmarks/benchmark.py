@@ -15,7 +15,7 @@ from lanekeep_benchmarks.evaluate import (
     Policy,
     episode_seed,
     evaluate,
-    make_lanes,
+    make_cars,
     metric_names,
     record,
 )
@@ -186,7 +186,7 @@ def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
     folder.write("plot_errors.png", plots.plot_errors(summary))
     for scenario in plan.suite.scenarios:
         seed = episode_seed(plan.suite.name, scenario.name, 0, plan.seed)
-        env = make_lanes(scenario, 1)
+        env = make_cars(scenario, 1)
         definition = env.unwrapped.scenario
         env.close()
         told = scenario.policies_scenario(definition)

@@ -1,7 +1,7 @@
 """Paired evaluation: every policy drives the same episodes, whatever the order, the chunks and the other policies.
 
-An episode's seed is a hash of (suite, scenario, episode, seed) and of nothing else. Episodes run as lanes of one vector
-environment; a lane depends on its own seed only, so the number of lanes changes no result. All metrics are computed
+An episode's seed is a hash of (suite, scenario, episode, seed) and of nothing else. Episodes run as cars of one vector
+environment; a car depends on its own seed only, so the number of cars changes no result. All metrics are computed
 from `info`, the truth, never from observations.
 """
 
@@ -22,7 +22,7 @@ from lanekeep_benchmarks.suites import OWN_ROAD, Suite, SuiteScenario
 from lanekeep_env.checks import choose, from_mapping, require, shown
 from lanekeep_env.plain import parse_json
 
-LANES = 256
+CARS = 256
 #: Metrics of every scenario, and those that come first on roads and on circuits.
 EFFORT = ("rms_steering_rate", "peak_lateral_acceleration", "return")
 ERRORS, LAP = ("rms_lateral_error", "peak_lateral_error"), ("lap_time",)
@@ -36,7 +36,7 @@ _KINDS: dict[Any, tuple[type, str]] = {
 
 
 class Policy(Protocol):
-    """What is evaluated: as in SB3, batched over lanes, pure."""
+    """What is evaluated: as in SB3, batched over cars, pure."""
 
     def predict(
         self,
@@ -100,7 +100,7 @@ class EpisodeResult:
 
 @dataclass(frozen=True)
 class Step:
-    """What one control step of all lanes brought; ``alive`` (n,) marks lanes whose episode it belongs to."""
+    """What one control step of all cars brought; ``alive`` (n,) marks cars whose episode it belongs to."""
 
     alive: NDArray[np.bool_]
     observation: NDArray[np.float32]
@@ -136,18 +136,18 @@ def episode_seed(suite: str, scenario: str, episode: int, seed: int) -> int:
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> 11
 
 
-def make_lanes(scenario: SuiteScenario, lanes: int) -> Any:
-    """Vector environment of a scenario, one lane an episode (untyped: Gymnasium's type does not know it)."""
+def make_cars(scenario: SuiteScenario, cars: int) -> Any:
+    """Vector environment of a scenario, one car an episode (untyped: Gymnasium's type does not know it)."""
     keywords = dict(scenario.keywords)
     if scenario.max_episode_steps is not None:
         keywords["max_episode_steps"] = scenario.max_episode_steps
     return gym.make_vec(
-        scenario.env_id, num_envs=lanes, vectorization_mode="vector_entry_point", autoreset_mode="next_step", **keywords
+        scenario.env_id, num_envs=cars, vectorization_mode="vector_entry_point", autoreset_mode="next_step", **keywords
     )
 
 
 def drive(env: Any, policy: Policy, seeds: Sequence[int], options: Mapping[str, Any]) -> Iterator[Step]:
-    """Yield the steps of one episode a lane, until the last one has ended."""
+    """Yield the steps of one episode a car, until the last one has ended."""
     observation, _ = env.reset(seed=list(seeds), options=dict(options) or None)
     state = None
     start = np.ones(len(seeds), dtype=bool)
@@ -157,21 +157,21 @@ def drive(env: Any, policy: Policy, seeds: Sequence[int], options: Mapping[str, 
         observation, reward, terminated, truncated, info = env.step(action)
         yield Step(alive, observation, reward, info)
         start = np.zeros_like(start)
-        # A lane that has ended starts another episode by itself; that is driven on, but not counted.
+        # A car whose episode has ended starts another episode by itself; that is driven on, but not counted.
         alive = alive & ~(terminated | truncated)
 
 
 def measure(
-    steps: Iterator[Step], lanes: int, lap_limit: float | None = None
+    steps: Iterator[Step], cars: int, lap_limit: float | None = None
 ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.bool_], NDArray]:
-    """Reduce steps to (metrics by name, failed, steps driven), arrays of shape (lanes,).
+    """Reduce steps to (metrics by name, failed, steps driven), arrays of shape (cars,).
 
     Where laps are driven, the lap time takes the place of the errors; a lap that was not done has failed and counts as
     ``lap_limit``, the length of an episode in s.
     """
-    squared_error, peak_error, squared_rate, peak_acceleration, total, lap = np.zeros((6, lanes))
-    failed = np.zeros(lanes, dtype=bool)
-    count = np.zeros(lanes, dtype=np.int64)
+    squared_error, peak_error, squared_rate, peak_acceleration, total, lap = np.zeros((6, cars))
+    failed = np.zeros(cars, dtype=bool)
+    count = np.zeros(cars, dtype=np.int64)
     for step in steps:
         alive, info = step.alive, step.info
         error = np.abs(np.asarray(info["lateral_error"], dtype=np.float64))
@@ -202,7 +202,7 @@ def evaluate(
     *,
     episodes: int,
     seed: int,
-    lanes: int = LANES,
+    cars: int = CARS,
     done: Collection[Place] = frozenset(),
 ) -> Iterator[list[EpisodeResult]]:
     """Yield the results scenario by scenario, chunk by chunk of episodes, policy by policy, as they finish.
@@ -211,13 +211,13 @@ def evaluate(
     neighbours the result is the same even where a policy's rows are not independent to the last bit.
     """
     for scenario in suite.scenarios:
-        for first in range(0, episodes, lanes):
-            numbers = range(first, min(first + lanes, episodes))
+        for first in range(0, episodes, cars):
+            numbers = range(first, min(first + cars, episodes))
             missing = {name: {n for n in numbers if (scenario.name, name, n) not in done} for name in policies}
             if not any(missing.values()):
                 continue
             seeds = [episode_seed(suite.name, scenario.name, number, seed) for number in numbers]
-            env = make_lanes(scenario, len(seeds))
+            env = make_cars(scenario, len(seeds))
             definition = env.unwrapped.scenario
             scenario_hash = scenario.hash(definition.hash)
             for name in filter(missing.get, policies):
@@ -232,13 +232,13 @@ def evaluate(
                         policy=name,
                         episode=number,
                         seed=seed,
-                        episode_seed=seeds[lane],
-                        failed=bool(failed[lane]),
-                        steps=int(count[lane]),
-                        metrics={key: float(values[lane]) for key, values in metrics.items()},
+                        episode_seed=seeds[car],
+                        failed=bool(failed[car]),
+                        steps=int(count[car]),
+                        metrics={key: float(values[car]) for key, values in metrics.items()},
                         version=lanekeep_env.__version__,
                     )
-                    for lane, number in enumerate(numbers)
+                    for car, number in enumerate(numbers)
                     if number in missing[name]
                 ]
             env.close()
@@ -246,7 +246,7 @@ def evaluate(
 
 def record(scenario: SuiteScenario, policy: Policy, seed: int) -> dict[str, NDArray[np.float64]]:
     """Drive one episode and keep it: truth from `info` and the observation's channels by name, (steps,) each."""
-    env = make_lanes(scenario, 1)
+    env = make_cars(scenario, 1)
     channels = [channel.name for channel in env.unwrapped.scenario.channels]
     rows: list[dict[str, float]] = []
     for step in drive(env, policy, [seed], scenario.options):

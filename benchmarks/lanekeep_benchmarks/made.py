@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium as gym
 from gymnasium.envs.registration import load_env_creator
 
-from lanekeep_benchmarks.evaluate import make_lanes
+from lanekeep_benchmarks.evaluate import make_cars
 from lanekeep_benchmarks.policies import check_policy, default_policies
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
 
@@ -35,7 +35,7 @@ def _made(scenario: SuiteScenario) -> Any:
     definition = record.from_keywords(**scenario.keywords)  # which knows no keywords but the scenario's
     if scenario.told:
         record.from_keywords(**{**scenario.keywords, **scenario.told})
-    env = make_lanes(scenario, 1)
+    env = make_cars(scenario, 1)
     if scenario.options:
         env.reset(seed=0, options=dict(scenario.options))
     env.close()

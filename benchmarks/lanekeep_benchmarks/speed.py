@@ -24,8 +24,8 @@ import gymnasium as gym
 import lanekeep_agents
 
 ENV_ID = "lanekeep/LaneKeep-v0"
-LANES = 1024
-#: A shipped policy, whose actions are counted beside the steps of its own lanes.
+CARS = 1024
+#: A shipped policy, whose actions are counted beside the steps of its own cars.
 POLICY = "ppo-lane-keep-seed0"
 #: Calls of `step` in one quick round; a full round has four times as many.
 STEPS = {"single": 10_000, "highway": 100, "vector": 100}
@@ -74,8 +74,8 @@ def _single(env_id: str, steps: int, **keywords: Any) -> Callable[[], int]:
 
 
 def _vector(env_id: str, steps: int, **keywords: Any) -> Callable[[], int]:
-    """1,024 lanes of the environment's own vector entry point, random actions drawn beforehand, autoreset included."""
-    env = gym.make_vec(env_id, num_envs=LANES, vectorization_mode="vector_entry_point", **keywords)
+    """1,024 cars of the environment's own vector entry point, random actions drawn beforehand, autoreset included."""
+    env = gym.make_vec(env_id, num_envs=CARS, vectorization_mode="vector_entry_point", **keywords)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(64)]
     env.reset(seed=0)
@@ -83,22 +83,22 @@ def _vector(env_id: str, steps: int, **keywords: Any) -> Callable[[], int]:
     def run() -> int:
         for i in range(steps):
             env.step(actions[i % 64])
-        return steps * LANES
+        return steps * CARS
 
     return run
 
 
 def _policy(name: str, steps: int) -> tuple[Callable[[], int], dict[str, Any]]:
-    """Actions of a learned policy for as many lanes, and the keywords of its environment."""
+    """Actions of a learned policy for as many cars, and the keywords of its environment."""
     policy = lanekeep_agents.load(name)
     keywords = {**policy.record.training.hyperparameters["env"], "dtype": "float32"}
-    env = gym.make_vec(ENV_ID, num_envs=LANES, vectorization_mode="vector_entry_point", **keywords)
+    env = gym.make_vec(ENV_ID, num_envs=CARS, vectorization_mode="vector_entry_point", **keywords)
     observation, _ = env.reset(seed=0)
 
     def run() -> int:
         for _ in range(steps):
             policy.predict(observation)
-        return steps * LANES
+        return steps * CARS
 
     return run, keywords
 
@@ -125,17 +125,17 @@ def contenders(quick: bool, notes: list[str]) -> list[Contender]:
     for dtype in ("float64", "float32"):
         for count in threads:
             run = _vector(ENV_ID, STEPS["vector"] * scale, dtype=dtype, num_threads=count)
-            found.append(Contender(f"lanekeep {LANES} lanes, {dtype}, {count} thread{'s' * (count > 1)}", run))
+            found.append(Contender(f"lanekeep {CARS} cars, {dtype}, {count} thread{'s' * (count > 1)}", run))
     circuits = _vector("lanekeep/Circuit-v0", STEPS["vector"] * scale, dtype="float32")
-    found.append(Contender(f"lanekeep Circuit {LANES} lanes, 64 beams, float32, 1 thread", circuits))
+    found.append(Contender(f"lanekeep Circuit {CARS} cars, 64 beams, float32, 1 thread", circuits))
     if importlib.util.find_spec("safetensors") is None:
         notes.append('safetensors is not installed, so the learned policy is left out; pip install "lanekeep[agents]"')
     else:
         run, keywords = _policy(POLICY, STEPS["vector"] * scale)
-        lanes = _vector(ENV_ID, STEPS["vector"] * scale, **keywords)
-        found.append(Contender(f"lanekeep {LANES} lanes, 20 previews, float32, 1 thread", lanes))
-        found.append(Contender(f"{POLICY} for {LANES} lanes", run))
-    found.append(Contender(f"CartPole-v1 {LANES} lanes", _vector("CartPole-v1", STEPS["vector"] * scale)))
+        cars = _vector(ENV_ID, STEPS["vector"] * scale, **keywords)
+        found.append(Contender(f"lanekeep {CARS} cars, 20 previews, float32, 1 thread", cars))
+        found.append(Contender(f"{POLICY} for {CARS} cars", run))
+    found.append(Contender(f"CartPole-v1 {CARS} cars", _vector("CartPole-v1", STEPS["vector"] * scale)))
     return found
 
 
@@ -158,7 +158,7 @@ def measure_rates(quick: bool = False, report: Callable[[str], None] = lambda te
         rounds.append(found)
     names = [contender.name for contender in field_of_contenders]
     speeds.rates = {name: median(found[name] for found in rounds) for name in names}
-    single = [name for name in names if "lanes" not in name]
+    single = [name for name in names if "cars" not in name]
     for name in names:
         if name.startswith("lanekeep"):
             others = [other for other in names if not other.startswith("lanekeep")]

@@ -149,7 +149,7 @@ def changed(folder, **arrays):
     np.savez(folder / CHECKPOINT, **kept)
 
 
-@pytest.mark.parametrize("name", ["numbers", "normalisation.mean", "random.torch", "lanes.counters"])
+@pytest.mark.parametrize("name", ["numbers", "normalisation.mean", "random.torch", "cars.counters"])
 def test_a_checkpoint_that_lacks_something_is_refused(name, folder):
     changed(folder, **{name: None})
     refused(folder)
@@ -158,7 +158,7 @@ def test_a_checkpoint_that_lacks_something_is_refused(name, folder):
 @pytest.mark.parametrize(
     "other", [np.zeros(3), np.zeros(()), np.array(["a"]), np.array("not JSON"), np.array("[]")], ids=str
 )
-@pytest.mark.parametrize("name", ["numbers", "normalisation.mean", "random.numpy", "lanes.counters"])
+@pytest.mark.parametrize("name", ["numbers", "normalisation.mean", "random.numpy", "cars.counters"])
 def test_a_checkpoint_with_something_else_in_it_is_refused(name, other, folder):
     changed(folder, **{name: other})
     refused(folder)
@@ -215,8 +215,8 @@ def test_numbers_that_no_run_has_are_refused(path, value, folder):
         ("best.layers.0.weight", np.nan, "best.layers.0.weight holds nan"),
         ("seen._last_obs", np.nan, "seen._last_obs holds nan"),
         ("rewards.returns", np.inf, "rewards.returns holds inf"),
-        ("lanes.lanes", 1e30, "state: along 1e+30 is not allowed"),
-        ("lanes.counters", 2**62, "state: segment 4611686018427387904 does not exist"),
+        ("cars.cars", 1e30, "state: along 1e+30 is not allowed"),
+        ("cars.counters", 2**62, "state: segment 4611686018427387904 does not exist"),
     ],
 )
 def test_arrays_that_no_run_has_are_refused(name, value, words, folder):

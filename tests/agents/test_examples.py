@@ -73,7 +73,7 @@ def test_a_layer_that_no_file_can_hold_is_named(tmp_path):
         def step_wait(self):
             return self.venv.step_wait()
 
-    lanes = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 2, dtype="float32")
-    model = PPO("MlpPolicy", VecNormalize(Half(lanes)), n_steps=2, batch_size=4, device="cpu")
+    cars = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 2, dtype="float32")
+    model = PPO("MlpPolicy", VecNormalize(Half(cars)), n_steps=2, batch_size=4, device="cpu")
     with pytest.raises(ValueError, match="layer Half"):
         lanekeep_agents.save(tmp_path / "mine.json", model)

@@ -111,8 +111,8 @@ def test_training_and_saving_on_the_road_of_a_file(files: dict[str, str], tmp_pa
     few = {"num_envs": 2, "evaluation_episodes": 2, "evaluations": 1, "parameters": {"n_steps": 16, "batch_size": 16}}
     env = {"road": files["road"], "preview": 3, "episode_steps": 50}
     trained = lanekeep_agents.train("ppo", "LaneKeep-v0", tmp_path / "run", steps=32, env=env, **few)
-    lanes = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 2, **env)
-    saved = lanekeep_agents.save(tmp_path / "saved.json", stable_baselines3.PPO("MlpPolicy", lanes, device="cpu"))
+    cars = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 2, **env)
+    saved = lanekeep_agents.save(tmp_path / "saved.json", stable_baselines3.PPO("MlpPolicy", cars, device="cpu"))
     for path, record, keywords in (
         (tmp_path / "run" / f"{trained.name}.json", trained.record, trained.record.training.hyperparameters["env"]),
         (tmp_path / "saved.json", saved, env),

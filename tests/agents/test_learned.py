@@ -15,7 +15,7 @@ from lanekeep_agents.learned import LearnedPolicy
 from lanekeep_agents.policy_record import Network
 from lanekeep_env.scenario import CircuitScenario, DriveScenario, LaneKeepScenario
 
-LANES = 16
+CARS = 16
 
 
 @pytest.mark.parametrize("hidden", [(32, 32), (64, 64), ()])
@@ -78,11 +78,11 @@ def test_columns_are_found_by_name(make_record, make_tensors):
 
 
 def drive(policy, offset=None, **keywords):
-    """Lateral errors, commands and actions of a drive, (steps, lanes)."""
-    envs = gym.make_vec("lanekeep/LaneKeep-v0", LANES, departure="off", preview=3, **keywords)
+    """Lateral errors, commands and actions of a drive, (steps, cars)."""
+    envs = gym.make_vec("lanekeep/LaneKeep-v0", CARS, departure="off", preview=3, **keywords)
     policy = policy(envs.unwrapped.scenario)
     observation, _ = envs.reset(seed=0, options=offset)
-    state, start = None, np.ones(LANES, dtype=bool)
+    state, start = None, np.ones(CARS, dtype=bool)
     names = [channel.name for channel in envs.unwrapped.channels]
     told = []
     for _ in range(250):

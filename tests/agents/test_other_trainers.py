@@ -45,15 +45,15 @@ def test_ppo_on_plain_gymnasium_runs_on_single_environments(cleanrl):
 
 
 @pytest.mark.parametrize(
-    ("kind", "lanes", "env_id"),
+    ("kind", "cars", "env_id"),
     [
         (DummyVecEnv, 4, "lanekeep/LaneKeep-v0"),
         (SubprocVecEnv, 2, "lanekeep_env:lanekeep/LaneKeep-v0"),  # its processes import nothing by themselves
     ],
 )
-def test_stable_baselines3_trains_on_its_own_vector_environments(kind, lanes, env_id):
+def test_stable_baselines3_trains_on_its_own_vector_environments(kind, cars, env_id):
     torch.set_num_threads(1)
-    envs = make_vec_env(env_id, lanes, seed=0, vec_env_cls=kind)
+    envs = make_vec_env(env_id, cars, seed=0, vec_env_cls=kind)
     try:
         model = PPO("MlpPolicy", envs, n_steps=64, batch_size=64, n_epochs=2, seed=0, device="cpu")
         before = {name: tensor.clone() for name, tensor in model.policy.state_dict().items()}

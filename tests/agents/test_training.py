@@ -22,13 +22,13 @@ from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.training.rewards import LearnersRewards
 from lanekeep_agents.training.run import _model
 from lanekeep_agents.training.settings import settings_for
-from lanekeep_agents.vec_env import LaneVecEnv
+from lanekeep_agents.vec_env import CarVecEnv
 
 IDS = sorted(lanekeep_env.ENVIRONMENTS)
 
 
 class Replay(VecEnv):
-    """One lane that gives the rewards of a list; its last one ends the episode."""
+    """One car that gives the rewards of a list; its last one ends the episode."""
 
     def __init__(self, rewards):
         space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
@@ -64,9 +64,9 @@ class Replay(VecEnv):
 
 def as_the_learner_sees(rewards, largest, gamma, scale):
     """Rewards behind the wrapper, and the info of the end."""
-    lane = LearnersRewards(Replay(rewards), largest, gamma, scale)
-    lane.reset()
-    steps = [lane.step(np.zeros((1, 1))) for _ in rewards]
+    car = LearnersRewards(Replay(rewards), largest, gamma, scale)
+    car.reset()
+    steps = [car.step(np.zeros((1, 1))) for _ in rewards]
     return np.array([reward[0] for _, reward, _, _ in steps]), steps[-1][3][0]
 
 
@@ -101,18 +101,18 @@ def test_leaving_is_never_better_than_staying_at_any_cost(costs, share, gamma, l
 @pytest.mark.parametrize("env_id", IDS)
 def test_a_step_that_does_not_end_costs_at_most_what_the_scenario_says(env_id):
     """The bound rests on that; and an episode's score is the plain sum of its rewards."""
-    gamma, scale, lanes = 0.98, 3.0, 16
-    plain = LaneVecEnv(env_id, lanes, max_episode_steps=150)
+    gamma, scale, cars = 0.98, 3.0, 16
+    plain = CarVecEnv(env_id, cars, max_episode_steps=150)
     scenario = plain.env.unwrapped.scenario
     largest = scenario.largest_cost * scenario.control_step
-    seen = LearnersRewards(LaneVecEnv(env_id, lanes, max_episode_steps=150), largest, gamma, scale)
+    seen = LearnersRewards(CarVecEnv(env_id, cars, max_episode_steps=150), largest, gamma, scale)
     for env in (plain, seen):
         env.seed(5)
         env.reset()
     rng = np.random.default_rng(0)
-    returns, ended, charged = np.zeros(lanes), 0, 0
+    returns, ended, charged = np.zeros(cars), 0, 0
     for _ in range(200):
-        actions = rng.uniform(-1.0, 1.0, (lanes, *plain.action_space.shape)).astype(np.float32)
+        actions = rng.uniform(-1.0, 1.0, (cars, *plain.action_space.shape)).astype(np.float32)
         _, raw, dones, infos = plain.step(actions)
         _, rewards, _, told = seen.step(actions)
         np.testing.assert_allclose(rewards, np.maximum(raw, -largest / (1.0 - gamma)) * scale, rtol=1e-12)
@@ -120,16 +120,16 @@ def test_a_step_that_does_not_end_costs_at_most_what_the_scenario_says(env_id):
         assert (raw[~left] >= -largest * (1.0 + 1e-6)).all()
         charged += int((raw < -largest * 1.5).sum())
         returns += raw
-        for lane in np.flatnonzero(dones):
-            assert told[lane]["episode"]["r"] == pytest.approx(returns[lane], rel=1e-12)
-            returns[lane] = 0.0
+        for car in np.flatnonzero(dones):
+            assert told[car]["episode"]["r"] == pytest.approx(returns[car], rel=1e-12)
+            returns[car] = 0.0
             ended += 1
-    assert ended >= lanes
+    assert ended >= cars
     assert charged > 0 or env_id != "lanekeep/LaneKeep-v0"
 
 
 class Applied(VecEnvWrapper):
-    """Keeps the actions that reach the lanes."""
+    """Keeps the actions that reach the cars."""
 
     def reset(self):
         return self.venv.reset()
@@ -142,27 +142,27 @@ class Applied(VecEnvWrapper):
         return self.venv.step_wait()
 
 
-def corrected(base, lanes, bound=0.2, **keywords):
-    applied = Applied(LaneVecEnv("lanekeep/LaneKeep-v0", lanes, **keywords))
+def corrected(base, cars, bound=0.2, **keywords):
+    applied = Applied(CarVecEnv("lanekeep/LaneKeep-v0", cars, **keywords))
     env = Corrections(applied, applied.venv.env.unwrapped.scenario, base, bound)
     env.seed(3)
     return env, applied
 
 
-# The printed gains fail, each lane at another time, and the observer has a memory.
+# The printed gains fail, each car at another time, and the observer has a memory.
 BASES = ["yin-lqr-observer", "yin-lqr-observer-printed", "stanley"]
 
 
 @pytest.mark.parametrize("base", BASES)
 def test_a_zero_correction_drives_as_the_base_does_to_the_last_bit(base):
-    lanes, keywords = 24, {"max_episode_steps": 300, "preview": 3, "dtype": "float32"}
-    env, _ = corrected(base, lanes, **keywords)
-    alone = LaneVecEnv("lanekeep/LaneKeep-v0", lanes, **keywords)
+    cars, keywords = 24, {"max_episode_steps": 300, "preview": 3, "dtype": "float32"}
+    env, _ = corrected(base, cars, **keywords)
+    alone = CarVecEnv("lanekeep/LaneKeep-v0", cars, **keywords)
     alone.seed(3)
     observation, seen = alone.reset(), env.reset()
     policy = lanekeep_baselines.make(base, alone.env.unwrapped.scenario)
-    memory, starts, ends = None, np.ones(lanes, dtype=bool), 0
-    nothing = np.zeros((lanes, 1), dtype=np.float32)
+    memory, starts, ends = None, np.ones(cars, dtype=bool), 0
+    nothing = np.zeros((cars, 1), dtype=np.float32)
     for _ in range(700):
         np.testing.assert_array_equal(seen[:, :-1], observation)
         action, memory = policy.predict(observation, memory, starts)
@@ -171,17 +171,17 @@ def test_a_zero_correction_drives_as_the_base_does_to_the_last_bit(base):
         seen, found, dones, told = env.step(nothing)
         np.testing.assert_array_equal(found, rewards)
         np.testing.assert_array_equal(dones, starts)
-        for lane in np.flatnonzero(dones):
-            last = infos[lane]["terminal_observation"]
-            np.testing.assert_array_equal(told[lane]["terminal_observation"][:-1], last)
+        for car in np.flatnonzero(dones):
+            last = infos[car]["terminal_observation"]
+            np.testing.assert_array_equal(told[car]["terminal_observation"][:-1], last)
             # The base goes on where the episode ends, and is new where the next one starts.
-            row = None if memory is None else memory[lane : lane + 1]
+            row = None if memory is None else memory[car : car + 1]
             wanted = policy.predict(last[None], row, np.zeros(1, dtype=bool))[0]
-            np.testing.assert_array_equal(told[lane]["terminal_observation"][-1:], np.clip(wanted[0], -1.0, 1.0))
-            fresh = policy.predict(observation[lane])[0]
-            np.testing.assert_array_equal(seen[lane, -1:], np.clip(fresh, -1.0, 1.0))
+            np.testing.assert_array_equal(told[car]["terminal_observation"][-1:], np.clip(wanted[0], -1.0, 1.0))
+            fresh = policy.predict(observation[car])[0]
+            np.testing.assert_array_equal(seen[car, -1:], np.clip(fresh, -1.0, 1.0))
             ends += 1
-    assert ends >= lanes
+    assert ends >= cars
 
 
 def test_corrections_keep_their_bound_whatever_is_asked():
@@ -226,12 +226,12 @@ class Seen(VecEnvWrapper):
 def test_a_clone_acts_as_its_teacher_on_fresh_episodes(algorithm):
     """Where the clone itself drives: RMS difference below a tenth of the RMS action, and the lane kept as well."""
     torch.set_num_threads(1)
-    lanes, gamma = 64, 0.98
+    cars, gamma = 64, 0.98
     keywords = {"preview": 10, "max_episode_steps": 300, "dtype": "float32"}
-    inner = Seen(LaneVecEnv("lanekeep/LaneKeep-v0", lanes, **keywords))
+    inner = Seen(CarVecEnv("lanekeep/LaneKeep-v0", cars, **keywords))
     inner.seed(100)
     env = VecNormalize(inner, norm_reward=False, clip_obs=10.0, epsilon=1e-8)
-    extra = {} if algorithm is PPO else {"buffer_size": lanes}
+    extra = {} if algorithm is PPO else {"buffer_size": cars}
     network = {"net_arch": [64, 64]}
     model = algorithm("MlpPolicy", env, gamma=gamma, policy_kwargs=network, device="cpu", seed=0, **extra)
     teacher = lanekeep_baselines.make("yin-lqr-feedforward", inner.venv.env.unwrapped.scenario)
@@ -244,9 +244,9 @@ def test_a_clone_acts_as_its_teacher_on_fresh_episodes(algorithm):
 
     def drive(driver):
         """Actions of teacher and clone and lateral errors where one of them drives."""
-        envs = gym.make_vec("lanekeep/LaneKeep-v0", lanes, vectorization_mode="vector_entry_point", **keywords)
+        envs = gym.make_vec("lanekeep/LaneKeep-v0", cars, vectorization_mode="vector_entry_point", **keywords)
         observation, _ = envs.reset(seed=10_000)
-        memory, starts, told = None, np.ones(lanes, dtype=bool), []
+        memory, starts, told = None, np.ones(cars, dtype=bool), []
         for _ in range(300):
             action, memory = teacher.predict(observation, memory, starts)
             both = np.clip(action, -1.0, 1.0), model.predict(env.normalize_obs(observation), deterministic=True)[0]
@@ -269,17 +269,17 @@ def test_a_clone_acts_as_its_teacher_on_fresh_episodes(algorithm):
 
 def test_returns_are_the_sums_that_they_stand_for():
     rng = np.random.default_rng(0)
-    gamma, steps, lanes = 0.9, 12, 3
-    rewards, ends = rng.normal(size=(steps, lanes)), rng.random((steps, lanes)) < 0.2
+    gamma, steps, cars = 0.9, 12, 3
+    rewards, ends = rng.normal(size=(steps, cars)), rng.random((steps, cars)) < 0.2
     assert ends[:-1].any() and not ends[-1].all()
-    wanted = np.zeros((steps, lanes))
-    for lane in range(lanes):
+    wanted = np.zeros((steps, cars))
+    for car in range(cars):
         for start in range(steps):
             factor = 1.0
             for step in range(start, 2000):
-                wanted[start, lane] += factor * rewards[min(step, steps - 1), lane]
+                wanted[start, car] += factor * rewards[min(step, steps - 1), car]
                 factor *= gamma
-                if step < steps and ends[step, lane]:
+                if step < steps and ends[step, car]:
                     break
     found = _returns(list(rewards), list(ends), gamma)
     np.testing.assert_allclose(found, wanted.reshape(-1, 1), rtol=1e-5, atol=1e-5)
@@ -321,7 +321,7 @@ def test_the_score_is_that_of_a_plain_loop_over_episodes(env_id, name, keywords)
 
 def test_the_learning_rate_falls_to_its_last_value_and_no_further():
     settings = settings_for("ppo", "LaneKeep-v0", num_envs=2, learning_rate=0.01, final_learning_rate=0.0)
-    env = VecNormalize(LaneVecEnv(settings.env_id, settings.num_envs, **settings.env))
+    env = VecNormalize(CarVecEnv(settings.env_id, settings.num_envs, **settings.env))
     schedule = _model(settings, env).lr_schedule
     # A rollout that ends beyond the steps asked for leaves a negative share.
     assert [schedule(left) for left in (1.0, 0.5, 0.0, -0.1)] == pytest.approx([0.01, 0.005, 0.0, 0.0])
@@ -329,14 +329,14 @@ def test_the_learning_rate_falls_to_its_last_value_and_no_further():
 
 def test_a_channel_that_never_varies_in_training_does_not_drown_the_others_elsewhere():
     """RoadWorks is driven at one speed: another one within a per cent stays within a standard deviation."""
-    lanes = LaneVecEnv("lanekeep/RoadWorks-v0", 4, dtype="float32")
-    env, plain = Normalised(lanes), VecNormalize(lanes, norm_reward=False, clip_obs=10.0, epsilon=1e-8)
+    cars = CarVecEnv("lanekeep/RoadWorks-v0", 4, dtype="float32")
+    env, plain = Normalised(cars), VecNormalize(cars, norm_reward=False, clip_obs=10.0, epsilon=1e-8)
     env.reset()
     for _ in range(20):
         env.step(np.zeros((4, 1), dtype=np.float32))
     plain.obs_rms = env.obs_rms
     seen = env.get_original_obs()
-    speed = [channel.name for channel in lanes.env.unwrapped.scenario.channels].index("speed")
+    speed = [channel.name for channel in cars.env.unwrapped.scenario.channels].index("speed")
     varies = env.obs_rms.var > (0.01 * env.obs_rms.mean) ** 2
     assert varies.any() and not varies[speed]
     np.testing.assert_array_equal(env.normalize_obs(seen)[:, varies], plain.normalize_obs(seen)[:, varies])

@@ -21,7 +21,7 @@ from lanekeep_benchmarks.cli import app
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
 
 STEPS = 3200
-# Episodes end at other times in every lane, sensors draw noise, and the replay buffer runs over.
+# Episodes end at other times in every car, sensors draw noise, and the replay buffer runs over.
 COMMON = dict(
     steps=STEPS,
     num_envs=16,

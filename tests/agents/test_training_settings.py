@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import lanekeep_env
 from lanekeep_agents.training.run import command
 from lanekeep_agents.training.settings import ALGORITHMS, TrainingSettings, changes_from, settings_for
-from lanekeep_agents.vec_env import LaneVecEnv
+from lanekeep_agents.vec_env import CarVecEnv
 from lanekeep_benchmarks.cli import app
 from lanekeep_env import layout
 
@@ -29,7 +29,7 @@ RUNNER = CliRunner()
 def test_every_entry_of_the_yaml_files_builds(algorithm, env_id):
     settings = settings_for(algorithm, env_id)
     assert TrainingSettings.from_dict(json.loads(json.dumps(settings.to_dict())), "settings") == settings
-    envs = LaneVecEnv(env_id, 32, **settings.env)
+    envs = CarVecEnv(env_id, 32, **settings.env)
     kind = {"ppo": PPO, "sac": SAC, "td3": TD3}[algorithm]
     parameters = {**settings.parameters, **({} if algorithm == "ppo" else {"buffer_size": 10})}
     model = kind("MlpPolicy", envs, gamma=settings.gamma, device="cpu", **parameters)
@@ -174,15 +174,15 @@ def test_the_recorded_command_trains_the_same_policy():
 
 
 def test_no_two_seeds_share_a_lane():
-    """The keys from which lanes draw everything random, of runs with neighbouring seeds and of their evaluations."""
+    """The keys from which cars draw everything random, of runs with neighbouring seeds and of their evaluations."""
     seen: dict[int, tuple[int, str]] = {}
     for seed in range(20):
         settings = settings_for("ppo", "LaneKeep-v0", seed)
         for purpose in ("training", "evaluation"):
-            lanes = LaneVecEnv("lanekeep/LaneKeep-v0", 128)
-            lanes.seed(settings.seed_of(purpose))
-            lanes.reset()
-            for key in lanes.env.unwrapped.get_state()["counters"][layout.KEY].tolist():
+            cars = CarVecEnv("lanekeep/LaneKeep-v0", 128)
+            cars.seed(settings.seed_of(purpose))
+            cars.reset()
+            for key in cars.env.unwrapped.get_state()["counters"][layout.KEY].tolist():
                 assert key not in seen, (seen.get(key), seed, purpose)
                 seen[key] = seed, purpose
     assert len(seen) == 20 * 2 * 128

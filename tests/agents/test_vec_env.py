@@ -12,17 +12,17 @@ from lanekeep_agents import sb3_vec_env
 
 @pytest.mark.parametrize("name", sorted(lanekeep_env.ENVIRONMENTS))
 def test_lanes_are_the_single_environments(name):
-    lanes = 5
-    venv = sb3_vec_env(name, lanes, max_episode_steps=25)
+    cars = 5
+    venv = sb3_vec_env(name, cars, max_episode_steps=25)
     venv.seed(40)
     observation = venv.reset()
-    singles = [gym.make(name, max_episode_steps=25) for _ in range(lanes)]
+    singles = [gym.make(name, max_episode_steps=25) for _ in range(cars)]
     for i, env in enumerate(singles):
         np.testing.assert_array_equal(env.reset(seed=40 + i)[0], observation[i])
     rng = np.random.default_rng(0)
     endings = {True: 0, False: 0}
     for _ in range(80):
-        actions = rng.uniform(-0.4, 0.4, (lanes, *venv.action_space.shape)).astype(np.float32)
+        actions = rng.uniform(-0.4, 0.4, (cars, *venv.action_space.shape)).astype(np.float32)
         observation, rewards, dones, infos = venv.step(actions)
         for i, env in enumerate(singles):
             alone, reward, terminated, truncated, info = env.step(actions[i])

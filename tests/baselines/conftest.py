@@ -24,7 +24,7 @@ from lanekeep_env.scenario import LaneKeepScenario
 
 
 class LinearCar:
-    """The linear car in path coordinates at constant speed, ISO signs, for n lanes at once.
+    """The linear car in path coordinates at constant speed, ISO signs, for n cars at once.
 
     States (road wheel, sideslip, yaw rate, heading error, lateral error), inputs (command, road curvature), both held
     over the step. ``sideslip=False`` gives Yin's reduced car, whose body never slips.
@@ -101,7 +101,7 @@ def drive(
     seconds: float,
     start: float = 0.0,
 ) -> np.ndarray:
-    """Return the states over time, (steps, n, 5), from ``start`` m off; curvature(t) has a value a lane."""
+    """Return the states over time, (steps, n, 5), from ``start`` m off; curvature(t) has a value a car."""
     step = scenario.control_step
     n = len(curvature(0.0))
     states, command, memory = np.zeros((n, 5)), np.zeros(n), None

@@ -16,8 +16,8 @@ CORRIDOR = {"kind": "corridor", "length": 120.0, "width": 4.0}
 OFFSET = math.radians(3.0)
 
 
-def follow(name, steps, lanes=1, seed=0, start=None, **keywords):
-    """Return lateral errors (m), steering angles (rad) and whether a wall was touched: (steps, lanes) each."""
+def follow(name, steps, cars=1, seed=0, start=None, **keywords):
+    """Return lateral errors (m), steering angles (rad) and whether a wall was touched: (steps, cars) each."""
     settings = {
         "world": CORRIDOR,
         "observation": "full",
@@ -25,7 +25,7 @@ def follow(name, steps, lanes=1, seed=0, start=None, **keywords):
         "steering_offset": 0.0,
         **keywords,
     }
-    env = gym.make_vec("lanekeep/WallFollow-v0", lanes, "vector_entry_point", **settings)
+    env = gym.make_vec("lanekeep/WallFollow-v0", cars, "vector_entry_point", **settings)
     scenario = env.unwrapped.scenario
     steer = [channel.name for channel in scenario.channels].index("steering_angle")
     policy = lanekeep_baselines.make(name, scenario)
@@ -64,7 +64,7 @@ def test_policies_are_the_controllers_of_the_car_without_a_world(policy, name, v
 def test_the_cascade_on_the_kalman_filter_holds_the_wall_within_2_cm(speed: float) -> None:
     """Noise, yaw-rate bias and 3 degrees of steering offset to either side; the competition's PD does not."""
     for offset in (-OFFSET, OFFSET):
-        settings = {"sensors": "production", "steering_offset": offset, "speed": speed, "lanes": 32}
+        settings = {"sensors": "production", "steering_offset": offset, "speed": speed, "cars": 32}
         errors, _, touched = follow("knightriders-cascade-kalman", 600, **settings)
         assert not touched.any()
         assert np.abs(errors[-200:]).max() < 0.02

@@ -74,7 +74,7 @@ def least_cost(scenario: LaneKeepScenario, speed: float, road: np.ndarray, start
 @pytest.mark.parametrize("speed", [10.0, 20.0, 45.0])
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.12])
 def test_no_drive_costs_less_than_lq_preview(speed: float, delay: float) -> None:
-    """From beside the lane into a curve: what the policy costs is what the best of all commands cost."""
+    """From beside the car into a curve: what the policy costs is what the best of all commands cost."""
     scenario = with_delay(delay)
     # A road whose whole future fits in the first preview: a straight, a clothoid, an arc.
     road = 3.0 / speed**2 * np.interp(np.arange(41), [0, 12, 30, 40], [0.0, 0.0, 1.0, 1.0])
@@ -158,7 +158,7 @@ def test_lqg_does_not_look_ahead() -> None:
 @pytest.mark.parametrize("kind", [LqPreview, LqPreviewOffsetFree, LinearQuadraticGaussian])
 def test_a_filter_that_knows_the_noise_drives_better(bench, kind) -> None:
     """The same noisy episodes on a straight, with the gains for perfect sensors and for those that there are."""
-    speed, lanes = 25.0, 40
+    speed, cars = 25.0, 40
     noise = {"lateral_error": 0.1, "heading_error": 0.01, "yaw_rate": 0.02, "steering_angle": 1e-3}
     noisy = LaneKeepScenario.from_keywords(
         preview=20, sensors={name: {"noise": value} for name, value in noise.items()}
@@ -168,14 +168,14 @@ def test_a_filter_that_knows_the_noise_drives_better(bench, kind) -> None:
         policy, random = kind(scenario), np.random.default_rng(0)
         plant = bench.LinearCar(scenario.vehicle, speed, STEP)
         names = [channel.name for channel in scenario.channels]
-        states, command, memory, history = np.zeros((lanes, 5)), np.zeros(lanes), None, []
+        states, command, memory, history = np.zeros((cars, 5)), np.zeros(cars), None, []
         for _ in range(400):
-            seen = plant.observe(scenario, states, command, np.zeros(lanes))
+            seen = plant.observe(scenario, states, command, np.zeros(cars))
             for name, deviation in noise.items():
-                seen[:, names.index(name)] += deviation * random.normal(size=lanes)
+                seen[:, names.index(name)] += deviation * random.normal(size=cars)
             action, memory = policy.predict(seen, memory)
             command = action[:, 0].astype(float) * scenario.max_steering_angle
-            states = plant.advance(states, command, np.zeros(lanes))
+            states = plant.advance(states, command, np.zeros(cars))
             history.append(states)
         drives = np.moveaxis(np.array(history), 1, 0)
         costs.append(np.mean([cost(scenario, one) for one in drives]))

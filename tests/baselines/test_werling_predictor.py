@@ -59,7 +59,7 @@ def winding(speed: float):
 
 @pytest.mark.parametrize("speed", [25.0, 35.0])
 def test_it_keeps_the_lane_where_the_law_without_it_is_lost(speed: float) -> None:
-    """On the same roads and cars: centimetres against off the lane."""
+    """On the same roads and cars: centimetres against off the car."""
     assert np.abs(errors("werling-lateral", speed, winding(speed), 12)).max() > 1.0
     assert np.abs(errors("werling-lateral-predictor", speed, winding(speed), 12)).max() < 0.02
 

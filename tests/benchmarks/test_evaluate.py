@@ -1,4 +1,4 @@
-"""Paired evaluation: same episodes for all, independent of lanes and of what else is driven."""
+"""Paired evaluation: same episodes for all, independent of cars and of what else is driven."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from lanekeep_benchmarks.evaluate import EpisodeResult, drive, episode_seed, evaluate, make_lanes, record
+from lanekeep_benchmarks.evaluate import EpisodeResult, drive, episode_seed, evaluate, make_cars, record
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
 
 SLALOM = SuiteScenario(
@@ -50,12 +50,12 @@ def test_every_episode_of_every_policy_once(results):
     assert sorted(keys) == sorted((t.name, p, e) for t in SUITE.scenarios for p in POLICIES for e in range(5))
 
 
-@pytest.mark.parametrize("lanes", [1, 2, 3, 256])
-def test_the_number_of_lanes_changes_nothing(results, lanes):
+@pytest.mark.parametrize("cars", [1, 2, 3, 256])
+def test_the_number_of_lanes_changes_nothing(results, cars):
     def place(result):
         return result.scenario, result.policy, result.episode
 
-    assert sorted(run(lanes=lanes), key=place) == sorted(results, key=place)
+    assert sorted(run(cars=cars), key=place) == sorted(results, key=place)
 
 
 def test_other_policies_change_nothing(results):
@@ -75,7 +75,7 @@ def test_what_is_done_is_left_out_and_the_rest_is_the_same(count):
     """Whichever lines of a run exist, driving the missing ones gives those lines and no other, neighbours or not."""
 
     def drive_all(**keywords):
-        make = {"episodes": 5, "seed": 0, "lanes": 3, **keywords}
+        make = {"episodes": 5, "seed": 0, "cars": 3, **keywords}
         batches = list(evaluate(SUITE, ["a", "b", "c"], lambda *_: Neighbourly(), **make))
         assert all(batches)  # nothing is driven for nothing
         return [result for batch in batches for result in batch]
@@ -93,7 +93,7 @@ def test_more_episodes_keep_the_first_ones(results):
 
 def test_policies_meet_the_same_start():
     """What the environment reports before the first action is equal to the last bit, whatever drove before."""
-    env = make_lanes(RANDOM, 4)
+    env = make_cars(RANDOM, 4)
     seeds = [episode_seed("test", "random", number, 0) for number in range(4)]
     starts = []
     for name in POLICIES:
@@ -158,7 +158,7 @@ def test_episode_seeds_are_stable_and_distinct():
 
 
 def test_scenario_hash_covers_what_the_scenario_does_not():
-    definition = make_lanes(SLALOM, 1).unwrapped.scenario
+    definition = make_cars(SLALOM, 1).unwrapped.scenario
     first = SLALOM.hash(definition.hash)
     changes = [{"max_episode_steps": 61}, {"options": {"arc_length": 0.0}}, {"env_id": "lanekeep/Other-v0"}]
     assert len({first, *(replace(SLALOM, **change).hash(definition.hash) for change in changes)}) == 4
@@ -168,7 +168,7 @@ def test_scenario_hash_covers_what_the_scenario_does_not():
 
 def test_options_fix_the_start():
     scenario = replace(SLALOM, options={"arc_length": 0.0, "lateral_error": 0.25})
-    env = make_lanes(scenario, 2)
+    env = make_cars(scenario, 2)
     step = next(drive(env, make_policy("calm", None), [1, 2], scenario.options))
     np.testing.assert_allclose(step.info["lateral_error"], 0.25, atol=0.1)
     assert step.info["arc_length"].max() < 3.0

@@ -6,7 +6,7 @@ import pytest
 
 import lanekeep_baselines
 from lanekeep_benchmarks.benchmark import make_plan
-from lanekeep_benchmarks.evaluate import make_lanes
+from lanekeep_benchmarks.evaluate import make_cars
 from lanekeep_benchmarks.suites import SUITES
 from lanekeep_env import RANDOMISATIONS, SENSOR_SETS
 from lanekeep_env.physics.parameters import VEHICLES
@@ -17,7 +17,7 @@ LEARNED = {scenario.name: scenario for scenario in SUITES["learned"].scenarios}
 
 
 def definition_of(scenario):
-    env = make_lanes(scenario, 1)
+    env = make_cars(scenario, 1)
     env.close()
     return env.unwrapped.scenario
 

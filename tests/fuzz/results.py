@@ -29,7 +29,7 @@ from lanekeep_agents.training.normalisation import Normalised
 from lanekeep_agents.training.rewards import LearnersRewards
 from lanekeep_agents.training.run import _Course, _model, _Sitting, run
 from lanekeep_agents.training.settings import TrainingSettings, settings_for
-from lanekeep_agents.vec_env import LaneVecEnv
+from lanekeep_agents.vec_env import CarVecEnv
 from lanekeep_baselines.identification import DrivenRun
 from lanekeep_benchmarks import benchmark
 from lanekeep_benchmarks.results import EPISODES
@@ -105,8 +105,8 @@ def resume_benchmark(folder: Path) -> None:
 
 def _course(settings: TrainingSettings, folder: Path) -> tuple[Any, Any]:
     """A fresh model, and what takes up its checkpoint."""
-    lanes = LaneVecEnv(settings.env_id, settings.num_envs, dtype="float32", **settings.env)
-    rewards = LearnersRewards(lanes, 1.0, settings.gamma, settings.reward_scale)
+    cars = CarVecEnv(settings.env_id, settings.num_envs, dtype="float32", **settings.env)
+    rewards = LearnersRewards(cars, 1.0, settings.gamma, settings.reward_scale)
     env = Normalised(rewards)
     return _model(settings, env), _Course(settings, folder, env, rewards, _held_out(), None, _Sitting(0.0, 0.0, None))
 
@@ -117,7 +117,7 @@ def _held_out() -> HeldOut:
 
 
 def resume_training(folder: Path) -> None:
-    """What `lanekeep train --resume` does before it trains, and a few steps of the lanes as they were left."""
+    """What `lanekeep train --resume` does before it trains, and a few steps of the cars as they were left."""
     settings = settings_in(folder)
     check(settings, folder, True, False)
     if settings.to_dict() != settings_for("sac", "LaneKeep-v0", 0, **TINY).to_dict():

@@ -29,7 +29,7 @@ from lanekeep_agents.training.checkpoint_checks import (
     optimizers_of,
 )
 from lanekeep_agents.training.residual import Corrections
-from lanekeep_agents.vec_env import LaneVecEnv
+from lanekeep_agents.vec_env import CarVecEnv
 from lanekeep_env.files import write_atomic
 from lanekeep_env.plain import parse_json, read_arrays
 
@@ -94,7 +94,7 @@ def read_checkpoint(
         ValueError: the file is not a checkpoint, or one of another run.
     """
     try:
-        env.reset()  # lanes must be seeded before they have a state
+        env.reset()  # cars must be seeded before they have a state
         fresh_numbers: dict[str, Any] = {}
         best = export_sb3(model, env)[2]
         fresh = _collect(model, env, best, fresh_numbers)
@@ -148,10 +148,10 @@ def _layers(env: VecNormalize) -> dict[str, Any]:
     """The environment's layers that have a state, by what a checkpoint calls them."""
     found: dict[str, Any] = {}
     layer: Any = env.venv
-    while not isinstance(layer, LaneVecEnv):
+    while not isinstance(layer, CarVecEnv):
         found["corrections" if isinstance(layer, Corrections) else "rewards"] = layer
         layer = layer.venv
-    found["lanes"] = layer.env.unwrapped
+    found["cars"] = layer.env.unwrapped
     return found
 
 

@@ -26,7 +26,7 @@ _WORDS = 624
 #: What Adam keeps of each parameter.
 _ADAM = {"step", "exp_avg", "exp_avg_sq"}
 #: Whose numbers need not be finite: NaN stands for what was never seen.
-_MAY_LACK = ("lanes.", "corrections.")
+_MAY_LACK = ("cars.", "corrections.")
 #: Bytes for names, numbers and scores.
 _ROOM = 1 << 24
 

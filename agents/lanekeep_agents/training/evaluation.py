@@ -43,7 +43,7 @@ class HeldOut:
     Args:
         env_id: a registered id.
         keywords: of ``gym.make_vec`` for it.
-        episodes: number of them, one a lane.
+        episodes: number of them, one a car.
         seed: of the first one; training must use others.
     """
 

@@ -12,7 +12,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from lanekeep_agents.training.checkpoint import statistics_of
 
-#: Steps of every lane, epochs over them, rows of a batch, learning rate.
+#: Steps of every car, epochs over them, rows of a batch, learning rate.
 STEPS, EPOCHS, BATCH, RATE = 400, 20, 256, 3e-3
 #: Largest standard deviation of the noise on the actions driven: the teacher shows how it recovers.
 NOISE = 0.3
@@ -21,20 +21,20 @@ NOISE = 0.3
 def imitate(model: BaseAlgorithm, env: VecNormalize, teacher: Any, gamma: float, seed: int) -> None:
     """Fit the actor (and PPO's critic) of a fresh model to a classical controller, and set the normalisation.
 
-    The teacher drives ``env`` with noise of another size in every lane; what is learned is what it asked for.
+    The teacher drives ``env`` with noise of another size in every car; what is learned is what it asked for.
 
     Args:
         model: a fresh algorithm on ``env``.
-        env: normalised lanes, reset afterwards.
-        teacher: a classical policy for the scenario of the lanes.
+        env: normalised cars, reset afterwards.
+        teacher: a classical policy for the scenario of the cars.
         gamma: discount of a step, for the critic.
         seed: of the noise and of the batches.
     """
     random = np.random.default_rng(seed)
     n = env.num_envs
     size = random.uniform(0.0, NOISE, size=(n, 1))
-    lanes, starts, memory = env.venv, np.ones(n, dtype=bool), None
-    observation = lanes.reset()
+    cars, starts, memory = env.venv, np.ones(n, dtype=bool), None
+    observation = cars.reset()
     seen, wanted, rewards, ends = [], [], [], []
     for _ in range(STEPS):
         assert isinstance(observation, np.ndarray)
@@ -43,7 +43,7 @@ def imitate(model: BaseAlgorithm, env: VecNormalize, teacher: Any, gamma: float,
         seen.append(observation)
         wanted.append(action)
         driven = np.clip(action + size * random.standard_normal(action.shape), -1.0, 1.0).astype(np.float32)
-        observation, reward, starts, _ = lanes.step(driven)
+        observation, reward, starts, _ = cars.step(driven)
         rewards.append(reward)
         ends.append(starts)
     rows = np.concatenate(seen)
@@ -60,7 +60,7 @@ def imitate(model: BaseAlgorithm, env: VecNormalize, teacher: Any, gamma: float,
 
 
 def _returns(rewards: list[np.ndarray], ends: list[np.ndarray], gamma: float) -> np.ndarray:
-    """Discounted sums of the rewards that follow, as if each lane went on at its last reward, (rows, 1)."""
+    """Discounted sums of the rewards that follow, as if each car went on at its last reward, (rows, 1)."""
     follows = rewards[-1] / (1.0 - gamma)
     found = []
     for reward, ended in zip(reversed(rewards), reversed(ends), strict=True):

@@ -19,7 +19,7 @@ class Corrections(VecEnvWrapper):
     observations, each once, and keeps its state from step to step as it does on its own.
 
     Args:
-        venv: a `LaneVecEnv`.
+        venv: a `CarVecEnv`.
         base: name of the classical policy.
         bound: largest correction, as a share of the largest action.
     """
@@ -44,7 +44,7 @@ class Corrections(VecEnvWrapper):
         return np.concatenate([observation, self._proposed], axis=1)
 
     def reset(self) -> VecEnvObs:
-        """Start every lane anew."""
+        """Start every car anew."""
         observation = self.venv.reset()
         assert isinstance(observation, np.ndarray)
         self._memory = None
@@ -55,16 +55,16 @@ class Corrections(VecEnvWrapper):
         self.venv.step_async(np.clip(self._proposed + self._bound * np.clip(actions, -1.0, 1.0), -1.0, 1.0))
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Advance all lanes."""
+        """Advance all cars."""
         observation, rewards, dones, infos = self.venv.step_wait()
         assert isinstance(observation, np.ndarray)
         ended = np.flatnonzero(dones)
         if len(ended):
             last = observation.copy()
-            last[ended] = [infos[lane]["terminal_observation"] for lane in ended]
+            last[ended] = [infos[car]["terminal_observation"] for car in ended]
             proposed, _ = self._propose(last, np.zeros(self.num_envs, dtype=bool))
-            for lane in ended:
-                infos[lane]["terminal_observation"] = np.concatenate([last[lane], proposed[lane]])
+            for car in ended:
+                infos[car]["terminal_observation"] = np.concatenate([last[car], proposed[car]])
         return self._beside(observation, dones), rewards, dones, infos
 
     def get_state(self) -> dict[str, np.ndarray]:

@@ -18,7 +18,7 @@ class LearnersRewards(VecEnvWrapper):
     that leaving the lane is as bad as staying outside of it for ever, and returns have one scale.
 
     Args:
-        venv: lanes, with corrections or without.
+        venv: cars, with corrections or without.
         largest_cost: of a control step.
         gamma: discount of a control step.
         scale: factor of the rewards.
@@ -36,20 +36,20 @@ class LearnersRewards(VecEnvWrapper):
         self.seconds = 0.0
 
     def reset(self) -> VecEnvObs:
-        """Start every lane anew."""
+        """Start every car anew."""
         self._returns[:] = 0.0
         self._lengths[:] = 0
         return self.venv.reset()
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Advance all lanes; infos of ended episodes get "episode": return "r" (neither bounded nor scaled), length."""
+        """Advance all cars; infos of ended episodes get "episode": return "r" (neither bounded nor scaled), length."""
         begun = time.perf_counter()
         observation, rewards, dones, infos = self.venv.step_wait()
         self.seconds += time.perf_counter() - begun
         self._returns += rewards
         self._lengths += 1
-        for lane in np.flatnonzero(dones):
-            infos[lane]["episode"] = {"r": float(self._returns[lane]), "l": int(self._lengths[lane]), "t": 0.0}
+        for car in np.flatnonzero(dones):
+            infos[car]["episode"] = {"r": float(self._returns[car]), "l": int(self._lengths[car]), "t": 0.0}
         self._returns[dones] = 0.0
         self._lengths[dones] = 0
         return observation, np.maximum(rewards, self._floor) * self._scale, dones, infos

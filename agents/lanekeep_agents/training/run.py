@@ -33,7 +33,7 @@ from lanekeep_agents.training.normalisation import Normalised
 from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.training.rewards import LearnersRewards
 from lanekeep_agents.training.settings import TrainingSettings, settings_for
-from lanekeep_agents.vec_env import LaneVecEnv
+from lanekeep_agents.vec_env import CarVecEnv
 from lanekeep_env.checks import require, shown
 from lanekeep_env.files import locked, write_atomic
 
@@ -78,11 +78,11 @@ def run(
     started = time.perf_counter()
     keywords = {"dtype": "float32", **settings.env}
     try:
-        lanes = LaneVecEnv(settings.env_id, settings.num_envs, **keywords)
+        cars = CarVecEnv(settings.env_id, settings.num_envs, **keywords)
     except TypeError as error:
         raise ValueError(f"env: {error}") from error
-    scenario = lanes.env.unwrapped.scenario  # type: ignore[attr-defined]
-    inner = lanes if settings.base is None else Corrections(lanes, scenario, settings.base, settings.bound or 0.0)
+    scenario = cars.env.unwrapped.scenario  # type: ignore[attr-defined]
+    inner = cars if settings.base is None else Corrections(cars, scenario, settings.base, settings.bound or 0.0)
     largest = scenario.largest_cost * scenario.control_step
     rewards = LearnersRewards(inner, largest, settings.gamma, settings.reward_scale)
     env = Normalised(rewards)
@@ -104,7 +104,7 @@ def run(
         if teacher is not None:
             imitate(model, env, teacher, settings.gamma, settings.seed_of("imitation"))
         if model.num_timesteps < settings.steps:
-            # Counts start at zero anyway; lanes that a checkpoint has set must not be reset.
+            # Counts start at zero anyway; cars that a checkpoint has set must not be reset.
             model.learn(settings.steps - model.num_timesteps, course, reset_num_timesteps=False, log_interval=10)
         return course.finish(model)
 

@@ -38,8 +38,8 @@ class TrainingSettings:
         env_id: a registered id.
         seed: of the run; what is drawn from it is hashed (`seed_of`).
         env: keywords of ``gym.make`` for that id.
-        steps: environment steps in all, over all lanes.
-        num_envs: lanes.
+        steps: environment steps in all, over all cars.
+        num_envs: cars.
         hidden: neurons of each hidden layer of the actor.
         critic: the same of the critic, which nobody has to run later.
         activation: "relu" or "tanh".
@@ -83,7 +83,7 @@ class TrainingSettings:
         choose("ENV", self.env_id, lanekeep_env.ENVIRONMENTS)
         require("seed", self.seed, "", at_least=0, at_most=10**18, whole=True)
         require("steps", self.steps, "environment steps", at_least=1, at_most=10**15, whole=True)
-        require("num_envs", self.num_envs, "lanes", at_least=1, at_most=100_000, whole=True)
+        require("num_envs", self.num_envs, "cars", at_least=1, at_most=100_000, whole=True)
         for name, layers in (("hidden", self.hidden), ("critic", self.critic)):
             if not isinstance(layers, list | tuple) or len(layers) > 8:
                 raise ValueError(
@@ -133,7 +133,7 @@ class TrainingSettings:
     def seed_of(self, purpose: str) -> int:
         """A seed for one purpose ("training", "evaluation", "imitation"): 31 bits of a hash.
 
-        Lanes get the seeds from there on, one each, so that the runs of seeds s and s + 1 share no lane.
+        Cars get the seeds from there on, one each, so that the runs of seeds s and s + 1 share no car.
         """
         text = json.dumps([purpose, self.algorithm, self.env_id, self.seed])
         return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> 33

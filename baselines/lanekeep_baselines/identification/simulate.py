@@ -99,25 +99,25 @@ def _simulate(
     anchors: tuple[Floats, int],
     out: Floats,
 ) -> None:
-    """Fill ``out`` (lanes, samples, 5).
+    """Fill ``out`` (sets, samples, 5).
 
     ``inputs``: speed, command, held; ``timing``: step, sub-steps of it, delay in sub-steps; ``anchors``: anchor and the
     samples of a stretch.
     """
     (speed, command, held), (step, substeps, delay), (anchor, stretch) = inputs, timing, anchors
     h = step / substeps
-    for lane in range(parameters.shape[0]):
-        of = parameters[lane]
+    for car in range(parameters.shape[0]):
+        of = parameters[car]
         model, lag = (of[0], of[1], of[2], of[3], of[4], of[5]), of[6]
         left = math.exp(-0.5 * h / lag) if lag > 0.0 else 0.0  # of the way to the command, after half a sub-step
-        delta, beta, r = start[lane, 0], start[lane, 1], start[lane, 2]
+        delta, beta, r = start[car, 0], start[car, 1], start[car, 2]
         psi, x, y, sine, cosine = 0.0, 0.0, 0.0, 0.0, 1.0
         for k in range(speed.shape[0]):
             if k % stretch == 0:
                 psi, x, y = anchor[k, 0], anchor[k, 1], anchor[k, 2]
                 sine, cosine = math.sin(beta + psi), math.cos(beta + psi)
-            out[lane, k, 0], out[lane, k, 1], out[lane, k, 2] = delta, r, psi
-            out[lane, k, 3], out[lane, k, 4] = x, y
+            out[car, k, 0], out[car, k, 1], out[car, k, 2] = delta, r, psi
+            out[car, k, 3], out[car, k, 4] = x, y
             if k + 1 == speed.shape[0]:
                 break
             slope = (speed[k + 1] - speed[k]) / step
@@ -145,11 +145,11 @@ def _simulate(
 def simulate(
     parameters: Floats, start: Floats, inputs: Inputs, *, anchor: Floats | None = None, stretch: int | None = None
 ) -> Floats:
-    """Return the outputs over a run for many parameter sets at once, (lanes, samples, 5), in the order of `OUTPUTS`.
+    """Return the outputs over a run for many parameter sets at once, (sets, samples, 5), in the order of `OUTPUTS`.
 
     Args:
-        parameters: (lanes, 7): a11, a12, a21, a22, b1, b2 (units of `YinModel`, angles as in the command) and lag, s.
-        start: (lanes, 3), in the order of `STATES`; SI.
+        parameters: (sets, 7): a11, a12, a21, a22, b1, b2 (units of `YinModel`, angles as in the command) and lag, s.
+        start: (sets, 3), in the order of `STATES`; SI.
         inputs: what is driven.
         anchor: heading, x and y, (samples, 3), of which each stretch takes its first; None for 0.
         stretch: samples after which heading and position are taken from ``anchor`` again; None for never.

@@ -75,7 +75,7 @@ def coverage(
 
 
 def rms_lateral_error(env: Any, policy: Policy, seed: int = 0) -> float:
-    """Return the RMS lateral error, m, over one episode of every lane of a vector environment."""
+    """Return the RMS lateral error, m, over one episode of every car of a vector environment."""
     observation, _ = env.reset(seed=seed)
     state, start, squares = None, np.ones(env.num_envs, dtype=bool), []
     for _ in range(env.unwrapped.scenario.episode_steps - 1):
@@ -87,7 +87,7 @@ def rms_lateral_error(env: Any, policy: Policy, seed: int = 0) -> float:
 
 
 def design_loss(
-    found: Sequence[Identification], name: str, *, lanes: int = 16, seed: int = 0, **keywords: Any
+    found: Sequence[Identification], name: str, *, cars: int = 16, seed: int = 0, **keywords: Any
 ) -> Floats:
     """Return by how much the RMS lateral error grows when ``name`` is designed on each identification, (found,).
 
@@ -96,12 +96,12 @@ def design_loss(
     Args:
         found: identifications of the scenario's car.
         name: of the policy.
-        lanes: episodes.
+        cars: episodes.
         seed: of the first episode.
         keywords: of `gym.make_vec`.
     """
     settings = {"departure": "cost", "preview": 1, **keywords}
-    env = gym.make_vec("lanekeep_env:lanekeep/LaneKeep-v0", num_envs=lanes, **settings)
+    env = gym.make_vec("lanekeep_env:lanekeep/LaneKeep-v0", num_envs=cars, **settings)
     scenario = env.unwrapped.scenario  # type: ignore[attr-defined]
     true = rms_lateral_error(env, lanekeep_baselines.make(name, scenario), seed)
     losses = [rms_lateral_error(env, redesign(name, scenario, one), seed) / true - 1.0 for one in found]

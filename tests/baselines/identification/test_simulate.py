@@ -76,10 +76,10 @@ def test_lanes_are_independent_and_stretches_start_at_the_anchor() -> None:
     anchor = np.random.default_rng(0).normal(size=(len(run.speed), 3))
     inputs = Inputs(run.speed, run.command, run.step)
     together = simulate(parameters, start, inputs, anchor=anchor, stretch=300)
-    for lane in range(4):
-        one = slice(lane, lane + 1)
+    for car in range(4):
+        one = slice(car, car + 1)
         alone = simulate(parameters[one], start[one], inputs, anchor=anchor, stretch=300)
-        assert together[lane].tobytes() == alone[0].tobytes()
+        assert together[car].tobytes() == alone[0].tobytes()
     np.testing.assert_array_equal(together[:, ::300, 2:], np.tile(anchor[::300], (4, 1, 1)))
     whole = simulate(parameters, start, inputs)
     np.testing.assert_array_equal(together[:, :, :2], whole[:, :, :2])  # steering and yaw rate run on
