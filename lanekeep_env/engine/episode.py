@@ -2,18 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
 from lanekeep_env.physics.parameters import GRAVITY
-from lanekeep_env.randomisation import FRICTION_SHARE
+from lanekeep_env.randomisation import FRICTION_SHARE, Randomisation
 from lanekeep_env.randomness import derive, uniform
 
 # Counters of an episode's random draws: the order is part of an environment's version. (Typed, because
 # numba compiles a function anew for every literal it is called with.)
 DRAW_PLACE, DRAW_STATION, DRAW_LATERAL, DRAW_HEADING = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 DRAW_CAR = np.int64(4)  # and the following, one a randomised number
+#: Numbers of the randomised numbers: their place among the fields of `Randomisation`.
+MASS, FRICTION, FRONT_STIFFNESS, REAR_STIFFNESS, CG_SHIFT, SPEED, LAG, DELAY = (
+    np.int64([field.name for field in fields(Randomisation)].index(name))
+    for name in (
+        "mass",
+        "friction",
+        "front_cornering_stiffness",
+        "rear_cornering_stiffness",
+        "cg_shift",
+        "speed",
+        "steering_lag",
+        "steering_delay",
+    )
+)
 #: Counter of the first set speed of an episode; one a control step from there.
 FIRST_SET_SPEED = np.int64(1 << 33)
 
@@ -34,29 +50,29 @@ def draw_car(i, key, block, settings):
     mass, friction and centre of gravity. The speed profile is slowed down where it would use more
     than `FRICTION_SHARE` of the friction, so that every episode can be driven.
     """
-    mass_factor, shift = _drawn(key, np.int64(0), settings), _drawn(key, np.int64(4), settings)
-    if settings[at.NOMINAL + 3] == 0.0:
+    mass_factor, shift = _drawn(key, MASS, settings), _drawn(key, CG_SHIFT, settings)
+    if settings[at.NOMINAL_REAR] == 0.0:
         shift = 0.0  # the reference point is the rear axle
-    mass = settings[at.NOMINAL] * mass_factor
-    front, rear = settings[at.NOMINAL + 2] - shift, settings[at.NOMINAL + 3] + shift
-    friction = settings[at.NOMINAL + 6] * _drawn(key, np.int64(1), settings)
+    mass = settings[at.MASS] * mass_factor
+    front, rear = settings[at.NOMINAL_FRONT] - shift, settings[at.NOMINAL_REAR] + shift
+    friction = settings[at.FRICTION] * _drawn(key, FRICTION, settings)
     load = friction * mass * GRAVITY / (front + rear)
-    block[at.CAR, i] = front
-    block[at.CAR + 1, i] = rear
-    block[at.CAR + 2, i] = 1.0 / mass
-    block[at.CAR + 3, i] = 1.0 / (settings[at.NOMINAL + 1] * mass_factor)
-    block[at.CAR + 4, i] = settings[at.NOMINAL + 4] * _drawn(key, np.int64(2), settings)
-    block[at.CAR + 5, i] = settings[at.NOMINAL + 5] * _drawn(key, np.int64(3), settings)
-    block[at.CAR + 6, i] = load * rear
-    block[at.CAR + 7, i] = load * front
-    lag = settings[at.NOMINAL + 7] * _drawn(key, np.int64(6), settings)
+    block[at.CG_TO_FRONT, i] = front
+    block[at.CG_TO_REAR, i] = rear
+    block[at.INVERSE_MASS, i] = 1.0 / mass
+    block[at.INVERSE_INERTIA, i] = 1.0 / (settings[at.INERTIA] * mass_factor)
+    block[at.FRONT_STIFFNESS, i] = settings[at.NOMINAL_FRONT_STIFFNESS] * _drawn(key, FRONT_STIFFNESS, settings)
+    block[at.REAR_STIFFNESS, i] = settings[at.NOMINAL_REAR_STIFFNESS] * _drawn(key, REAR_STIFFNESS, settings)
+    block[at.FRONT_PEAK, i] = load * rear
+    block[at.REAR_PEAK, i] = load * front
+    lag = settings[at.LAG] * _drawn(key, LAG, settings)
     half = 0.5 * settings[at.STEP_TIME]
     block[at.STEER_RESPONSE, i] = 1.0 - np.exp(-half / lag) if lag > 0.0 else 1.0
     block[at.STEER_GAIN, i] = min(half / lag, 1.0) if lag > 0.0 else 1.0
-    block[at.STEER_CHANGE, i] = settings[at.NOMINAL + 8] * half
-    delay = settings[at.NOMINAL + 9] + _drawn(key, np.int64(7), settings)
+    block[at.STEER_CHANGE, i] = settings[at.RATE_LIMIT] * half
+    delay = settings[at.NOMINAL_DELAY] + _drawn(key, DELAY, settings)
     block[at.DELAY, i] = np.floor(delay / settings[at.STEP_TIME] + 0.5)
-    speed = _drawn(key, np.int64(5), settings)
+    speed = _drawn(key, SPEED, settings)
     factor = speed * speed
     demand = settings[at.LATERAL_LIMIT] * factor
     grip = FRICTION_SHARE * friction * GRAVITY

@@ -217,6 +217,7 @@ def step_kernels(model: CarModel, family: Family, num_actions: int) -> tuple[Cal
     where the scenario has none, or the usual one: what it lacks is then no part of the kernel. (One flat tuple: numba
     takes a tenth of a microsecond to tell the type of a None, and hands no tuple within a tuple to its threads.)
     """
+    # Arrays are arguments of their own: a tuple of two costs a call 75 ns more, 2 % of a single car's step.
     advance, show, paced, finish = model.advance, model.show, model.pace == PACED, _finisher(family)
     begin_step, act, command_row = family.begin, family.act, family.command_row
     before_substep, after_substep = family.before_substep, family.after_substep

@@ -134,9 +134,10 @@ def integrator(rates: Callable[..., Any], pace: int, saturates: bool, name: str)
         beta_, r_, steer_, command_ = block[at.SIDESLIP], block[at.YAW_RATE], block[at.STEER], block[command_row]
         curvature_, slope_ = block[at.CURVATURE], block[at.CURVATURE_SLOPE]
         squared_, gain_ = block[at.SPEED_SQUARED], block[at.SPEED_SQUARED_SLOPE]
-        front_, rear_, mass_, inertia_ = block[at.CAR], block[at.CAR + 1], block[at.CAR + 2], block[at.CAR + 3]
-        stiff_f_, stiff_r_ = block[at.CAR + 4], block[at.CAR + 5]
-        peak_f_, peak_r_ = block[at.CAR + 6], block[at.CAR + 7]
+        front_, rear_ = block[at.CG_TO_FRONT], block[at.CG_TO_REAR]
+        mass_, inertia_ = block[at.INVERSE_MASS], block[at.INVERSE_INERTIA]
+        stiff_f_, stiff_r_ = block[at.FRONT_STIFFNESS], block[at.REAR_STIFFNESS]
+        peak_f_, peak_r_ = block[at.FRONT_PEAK], block[at.REAR_PEAK]
         response_, change_ = block[at.STEER_RESPONSE], block[at.STEER_CHANGE]
         motor_, share_ = block[at.MOTOR], block[at.STEER_GAIN]
         v_, target_, pull_ = block[at.SPEED], block[at.SPEED_TARGET], block[at.PULL]
@@ -179,9 +180,10 @@ def shower(outputs: Callable[..., Any], pace: int, name: str) -> Callable[..., A
         """Write the rows SPEED, SIDESLIP, YAW_RATE and ACCELERATION of a block; wrap its headings."""
         along_, speed_, gain_ = block[at.ALONG], block[at.SPEED_SQUARED], block[at.SPEED_SQUARED_SLOPE]
         theta_, beta_, r_, steer_ = block[at.HEADING], block[at.SIDESLIP], block[at.YAW_RATE], block[at.STEER]
-        front_, rear_, mass_, inertia_ = block[at.CAR], block[at.CAR + 1], block[at.CAR + 2], block[at.CAR + 3]
-        stiff_f_, stiff_r_ = block[at.CAR + 4], block[at.CAR + 5]
-        peak_f_, peak_r_ = block[at.CAR + 6], block[at.CAR + 7]
+        front_, rear_ = block[at.CG_TO_FRONT], block[at.CG_TO_REAR]
+        mass_, inertia_ = block[at.INVERSE_MASS], block[at.INVERSE_INERTIA]
+        stiff_f_, stiff_r_ = block[at.FRONT_STIFFNESS], block[at.REAR_STIFFNESS]
+        peak_f_, peak_r_ = block[at.FRONT_PEAK], block[at.REAR_PEAK]
         v_, acceleration_ = block[at.SPEED], block[at.ACCELERATION]
         for i in range(block.shape[1]):
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)

@@ -66,7 +66,7 @@ def pull(i, block, settings, drive):
     """
     h = settings[at.STEP_TIME]
     zero, one = like(h, 0.0), like(h, 1.0)
-    v, mass = block[at.SPEED, i], one / block[at.CAR + 2, i]
+    v, mass = block[at.SPEED, i], one / block[at.INVERSE_MASS, i]
     pedal = block[at.PEDAL, i]
     share = drive[at.D_PEDAL_SHARE]
     block[at.THROTTLE, i] += (larger(pedal, zero) - block[at.THROTTLE, i]) * share
@@ -92,7 +92,7 @@ def pull(i, block, settings, drive):
     drives = zero if interrupted else torque * ratio * drive[at.D_EFFICIENCY] / mass
     drives += creep(v, drive)
     # Engine and brake together get no more out of the tyres than their friction, in either direction.
-    grip = (block[at.CAR + 6, i] + block[at.CAR + 7, i]) / mass
+    grip = (block[at.FRONT_PEAK, i] + block[at.REAR_PEAK, i]) / mass
     drives = clip(drives - block[at.BRAKE, i] * drive[at.D_BRAKE], -grip, grip)
     free = drives - like(h, GRAVITY) * block[at.SLOPE, i] - resistance(v, block[at.WIND, i], drive, mass)
     standing = v < like(h, STANDS)

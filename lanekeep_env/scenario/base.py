@@ -15,7 +15,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.checks import nearest, plain_numbers, shown
 from lanekeep_env.scenario.effects import Need, refuse_idle, unmet
 from lanekeep_env.scenario.integration import Integration
-from lanekeep_env.sensing.faults import Sensor, Sensors, sensors_to_dict
+from lanekeep_env.sensing.faults import SENSOR_SETS, Sensor, Sensors, SensorSets, sensors_from, sensors_to_dict
 
 #: Integration step of every vehicle model, s; control steps and delays are multiples of it.
 INTEGRATION_STEP = 0.01
@@ -67,6 +67,8 @@ class ScenarioRecord:
 
     #: What control steps and delays are multiples of, s: the integration step of cars that need no shorter one.
     base_step: ClassVar[float] = INTEGRATION_STEP
+    #: Named sets of ``sensors``.
+    _sensor_sets: ClassVar[SensorSets] = SENSOR_SETS
     #: Fields that may be given by name, number or mapping, and how they are read.
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {}
     #: What fields take to have an effect.
@@ -78,6 +80,10 @@ class ScenarioRecord:
         for name, read in self._readers.items():
             object.__setattr__(self, name, read(getattr(self, name)))
         self._check()
+        measured = [channel.name for channel in self._channels() if channel.sensor is not None]
+        object.__setattr__(self, "sensors", sensors_from(self.sensors, measured, self._sensor_sets))
+        for channel, sensor in self.sensors:
+            sensor.check(channel, self.control_step)
         plain_numbers(self)
         _ = self.integration  # so that a car which cannot be integrated is found here
 

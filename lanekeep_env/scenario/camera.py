@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
@@ -16,7 +15,7 @@ from lanekeep_env.roads import RoadSpec, SetSpeeds, TurnOffRoads, YardRoads, set
 from lanekeep_env.scenario.base import Channel, Measured, steering_channels
 from lanekeep_env.scenario.effects import Need
 from lanekeep_env.scenario.road import RoadScenario
-from lanekeep_env.sensing.faults import CAMERA_CHANNELS, CAMERA_SENSOR_SETS, sensors_from
+from lanekeep_env.sensing.faults import CAMERA_SENSOR_SETS, SensorSets
 
 
 @dataclass(frozen=True)
@@ -87,11 +86,11 @@ class CameraLaneScenario(RoadScenario):
     plan: int = 20
     plan_spacing: float = 0.5
 
+    _sensor_sets: ClassVar[SensorSets] = CAMERA_SENSOR_SETS
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
         **RoadScenario._readers,
         "speed": set_speeds_from,
         "camera": camera_from,
-        "sensors": partial(sensors_from, channels=CAMERA_CHANNELS, sets=CAMERA_SENSOR_SETS),
     }
     _needs: ClassVar[tuple[Need, ...]] = (
         *RoadScenario._needs,

@@ -139,8 +139,6 @@ class CarScenario(ScenarioRecord):
         check_speed(self.speed.largest, self.randomisation, self.largest_observed_speed)
         self._check_hold()
         require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=10_000_000, whole=True)
-        for channel, sensor in self.sensors:
-            sensor.check(channel, self.control_step)
 
     def _check_hold(self) -> None:
         """Set speeds change at control steps."""
@@ -213,17 +211,16 @@ class CarScenario(ScenarioRecord):
             at.COST_RATE: self.reference_steering_rate,
             at.COST_CAP: self.cost_cap,
             at.FULL: self.observation == "full",
-            at.NOMINAL: (
-                car.mass,
-                car.yaw_inertia,
-                *self.axles,
-                car.front_cornering_stiffness,
-                car.rear_cornering_stiffness,
-                self._friction,
-                steering.lag,
-                math.inf if steering.rate_limit is None else steering.rate_limit,
-                steering.delay,
-            ),
+            at.MASS: car.mass,
+            at.INERTIA: car.yaw_inertia,
+            at.NOMINAL_FRONT: self.axles[0],
+            at.NOMINAL_REAR: self.axles[1],
+            at.NOMINAL_FRONT_STIFFNESS: car.front_cornering_stiffness,
+            at.NOMINAL_REAR_STIFFNESS: car.rear_cornering_stiffness,
+            at.FRICTION: self._friction,
+            at.LAG: steering.lag,
+            at.RATE_LIMIT: math.inf if steering.rate_limit is None else steering.rate_limit,
+            at.NOMINAL_DELAY: steering.delay,
             at.RANGES: self.randomisation.bounds(),
             at.DELAY_DEPTH: round(longest / step) // substeps + 2 if longest > 0.0 else 0,
             at.HORIZON: self.episode_steps,

@@ -17,8 +17,8 @@ from lanekeep_env.physics.powertrain_parameters import Powertrain, powertrain_fr
 from lanekeep_env.roads import RandomRoads, RoadSpec, SpeedSpec, speed_from
 from lanekeep_env.scenario.base import Channel
 from lanekeep_env.scenario.effects import Need
-from lanekeep_env.scenario.evasive import read_sensors
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario
+from lanekeep_env.sensing.faults import MANOEUVRE_SENSOR_SETS, SensorSets
 
 #: Kinds of events and the units of the numbers that follow time and kind.
 EVENTS: dict[str, tuple[int, tuple[str, ...]]] = {
@@ -199,9 +199,9 @@ class DriveScenario(LaneKeepScenario):
     wind: tuple[float, float] = (-5.0, 5.0)
     reference_speed_error: float = 2.0
 
+    _sensor_sets: ClassVar[SensorSets] = MANOEUVRE_SENSOR_SETS
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
         **LaneKeepScenario._readers,
-        "sensors": read_sensors,
         "powertrain": powertrain_from,
         "traffic": traffic_from,
         "slope": _slope_from,
@@ -242,8 +242,8 @@ class DriveScenario(LaneKeepScenario):
         """The kernel's settings by row of `layout`."""
         return {
             **super().numbers(),
-            at.SLOPES: np.sin(self.slope),
-            at.WINDS: self.wind,
+            at.SLOPE_LOW: np.sin(self.slope),
+            at.WIND_LOW: self.wind,
             at.SPEED_REFERENCE: self.reference_speed_error,
             at.SECOND: (at.PEDAL, -1.0, 1.0),
         }

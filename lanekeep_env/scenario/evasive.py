@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
@@ -17,10 +16,7 @@ from lanekeep_env.scenario.base import Channel, Measured, steering_channels
 from lanekeep_env.scenario.effects import Need
 from lanekeep_env.scenario.lane_keep import PREVIEW_INTERVAL, LaneKeepScenario
 from lanekeep_env.scenario.road import RoadScenario
-from lanekeep_env.sensing.faults import MANOEUVRE_SENSOR_SETS, MEASURED_CHANNELS, sensors_from
-
-#: Reads the sensors of cars that are driven at 50 Hz.
-read_sensors = partial(sensors_from, channels=MEASURED_CHANNELS, sets=MANOEUVRE_SENSOR_SETS)
+from lanekeep_env.sensing.faults import MANOEUVRE_SENSOR_SETS, SensorSets
 
 
 @dataclass(frozen=True)
@@ -42,7 +38,7 @@ class EvasiveScenario(LaneKeepScenario):
     preview: int = 11
     view: ClassVar[float] = 80.0
 
-    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {**LaneKeepScenario._readers, "sensors": read_sensors}
+    _sensor_sets: ClassVar[SensorSets] = MANOEUVRE_SENSOR_SETS
 
 
 @dataclass(frozen=True)
@@ -74,10 +70,10 @@ class ReversePathScenario(RoadScenario):
     view: ClassVar[float] = 30.0
     largest_observed_speed: ClassVar[float] = 20.0
 
+    _sensor_sets: ClassVar[SensorSets] = MANOEUVRE_SENSOR_SETS
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
         **RoadScenario._readers,
         "speed": set_speeds_from,
-        "sensors": read_sensors,
     }
     _needs: ClassVar[tuple[Need, ...]] = (*RoadScenario._needs, PREVIEW_INTERVAL)
 

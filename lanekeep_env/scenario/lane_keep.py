@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
@@ -17,7 +16,6 @@ from lanekeep_env.roads import LimitedSpeed, RoadSpec, RoadWorksRoads, SpeedSpec
 from lanekeep_env.scenario.base import Channel, Measured, steering_channels
 from lanekeep_env.scenario.effects import Need
 from lanekeep_env.scenario.road import RoadScenario
-from lanekeep_env.sensing.faults import MEASURED_CHANNELS, SENSOR_SETS, sensors_from
 
 _MODELS = {
     ("kinematic", "linear"): models.KINEMATIC,
@@ -58,7 +56,6 @@ class LaneKeepScenario(RoadScenario):
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
         **RoadScenario._readers,
         "speed": speed_from,
-        "sensors": partial(sensors_from, channels=MEASURED_CHANNELS, sets=SENSOR_SETS),
     }
     _needs: ClassVar[tuple[Need, ...]] = (
         *RoadScenario._needs,

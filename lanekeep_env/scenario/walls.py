@@ -21,7 +21,7 @@ from lanekeep_env.scenario.effects import Need, never
 from lanekeep_env.scenario.integration import Integration, rolling, slipping
 from lanekeep_env.scenario.scan import SCANS, Scan, scan_from
 from lanekeep_env.scenario.servo import Servo, servo_from
-from lanekeep_env.sensing.faults import WALL_CHANNELS, WALL_SENSOR_SETS, sensors_from
+from lanekeep_env.sensing.faults import WALL_SENSOR_SETS, SensorSets
 from lanekeep_env.sensing.ultrasonic import FARTHEST
 from lanekeep_env.walls import Corridor, RandomCircuits, WorldRecord, world_from
 
@@ -87,6 +87,7 @@ class WallFollowScenario(CarScenario):
     encoder_ticks: int = 0
     encoder_direction: bool = True
 
+    _sensor_sets: ClassVar[SensorSets] = WALL_SENSOR_SETS
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
         **CarScenario._readers,
         "world": world_from,
@@ -94,7 +95,6 @@ class WallFollowScenario(CarScenario):
         "scan": scan_from,
         "servo": servo_from,
         "steering_offset": partial(range_from, "steering_offset"),
-        "sensors": partial(sensors_from, channels=WALL_CHANNELS, sets=WALL_SENSOR_SETS),
     }
     _needs: ClassVar[tuple[Need, ...]] = (
         *CarScenario._needs,
@@ -236,9 +236,9 @@ class WallFollowScenario(CarScenario):
             at.SET_DISTANCE: self.set_distance,
             at.TICK: 2.0 * math.pi * car.wheel_radius / self.encoder_ticks if self.encoder_ticks else 0.0,
             at.SIGNLESS: not self.encoder_direction,
-            at.OFFSETS: self.steering_offset,
+            at.OFFSET_LOW: self.steering_offset,
             at.SIDE_ARM: 0.5 * car.wheelbase - rear,  # half the wheelbase ahead of the rear axle
-            at.BODY: (ahead, 0.5 * car.length, 0.5 * car.width),
+            at.BODY_MIDDLE: (ahead, 0.5 * car.length, 0.5 * car.width),
             at.FRONT_ARM: ahead + 0.5 * car.length,
             at.FIRST_PREVIEW: self.column("scan_0"),
         }

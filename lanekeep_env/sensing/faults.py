@@ -8,11 +8,6 @@ from typing import Any
 
 from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require, shown
 
-#: Channels that come from sensors, in the order of the observation: lane keeping, guidance by camera, between walls.
-MEASURED_CHANNELS = ("lateral_error", "heading_error", "yaw_rate", "speed", "steering_angle")
-CAMERA_CHANNELS = ("edge_distance", "speed", "steering_angle")
-WALL_CHANNELS = ("distance_right", "distance_left", "distance_front", "yaw_rate", "speed", "steering_angle")
-
 
 @dataclass(frozen=True)
 class Sensor:
@@ -76,6 +71,8 @@ class Sensor:
         jumps = self.jump_rate * control_step
         return [self.noise, self.bias, self.resolution, period, delay, self.dropout, self.jump, jumps]
 
+
+SensorSets = Mapping[str, Mapping[str, Sensor]]
 
 #: Named sets: production sensors (camera, inertial sensors, wheel speeds), and bad ones.
 SENSOR_SETS: dict[str, dict[str, Sensor]] = {
@@ -147,10 +144,10 @@ Sensors = tuple[tuple[str, Sensor], ...]
 
 def sensors_from(
     value: str | Mapping[str, Any] | Sensors | None,
-    channels: Sequence[str] = MEASURED_CHANNELS,
-    sets: Mapping[str, Mapping[str, Sensor]] = SENSOR_SETS,
+    channels: Sequence[str],
+    sets: SensorSets = SENSOR_SETS,
 ) -> Sensors:
-    """Read sensors: None (perfect), a named set, or a mapping of channels to `Sensor` or its fields.
+    """Read sensors: None (perfect), a named set, or a mapping of measured ``channels`` to `Sensor` or its fields.
 
     Raises:
         ValueError: unknown set, channel or field; the nearest valid one is named.

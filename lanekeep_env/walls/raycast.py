@@ -149,7 +149,7 @@ def cast(pose, optics, walls, span, scratch, fan, ranges):
 
 
 @kernel()
-def cast_many(poses, first_angle, step, reach, beams, walls, scratch, fan, ranges):
+def cast_many(poses, first_angle, optics, walls, scratch, fan, ranges):
     """Scan from many poses (k, 3): x, y (m), heading (rad); ``first_angle`` is that of beam 0 to the heading.
 
     ``ranges`` is (k, count); the rest is as for `cast`. For tests and tools; environments call `cast`.
@@ -157,4 +157,4 @@ def cast_many(poses, first_angle, step, reach, beams, walls, scratch, fan, range
     for i in range(poses.shape[0]):
         angle = poses[i, 2] + first_angle
         pose = poses[i, 0], poses[i, 1], np.cos(angle), np.sin(angle)
-        cast(pose, (step, reach, beams), walls, (0, walls.shape[1]), scratch, fan, ranges[i])
+        cast(pose, optics, walls, (0, walls.shape[1]), scratch, fan, ranges[i])

@@ -68,7 +68,7 @@ def test_cars_are_drawn_uniformly_and_independently():
 def test_the_speed_profile_stays_within_the_friction():
     env = make(3000, randomisation={"friction": (0.2, 1.0)}, tyre="magic_formula", observation="full")
     observation, infos = env.reset(seed=1)
-    peak_f, peak_r, mass = rows(env, at.CAR + 6, at.CAR + 7, at.CAR + 2)
+    peak_f, peak_r, mass = rows(env, at.FRONT_PEAK, at.REAR_PEAK, at.INVERSE_MASS)
     friction = (peak_f + peak_r) * mass / 9.81
     demand = infos["speed"] ** 2 * np.abs(observation[:, column(env, "curvature")])
     assert (demand <= 0.8 * friction * 9.81 * (1 + 1e-5) + 1e-9).all()
@@ -84,7 +84,7 @@ def run_noise(policy, cars=30, steps=50, **keywords):
         observation, _, _, _, infos = env.step(policy(k, observation))
         truth = np.stack([infos["lateral_error"], infos["heading_error"], rows(env, at.YAW_RATE)[0], infos["speed"]], 1)
         errors.append(observation[:, :4] - truth)
-    return np.array(errors), rows(env, at.CAR + 2, at.CAR + 4)
+    return np.array(errors), rows(env, at.INVERSE_MASS, at.FRONT_STIFFNESS)
 
 
 def test_two_policies_on_one_key_meet_the_same_car_and_the_same_noise():

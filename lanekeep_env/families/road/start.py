@@ -92,17 +92,18 @@ def _steady(i, key, along, block, settings):
     steer, beta, r = steady_turning(
         v,
         np.float64(block[at.CURVATURE, i]) + block[at.CURVATURE_SLOPE, i] * along,
-        np.float64(block[at.CAR, i]),
-        np.float64(block[at.CAR + 1, i]),
-        1.0 / np.float64(block[at.CAR + 2, i]),
-        np.float64(block[at.CAR + 4, i]),
-        np.float64(block[at.CAR + 5, i]),
+        np.float64(block[at.CG_TO_FRONT, i]),
+        np.float64(block[at.CG_TO_REAR, i]),
+        1.0 / np.float64(block[at.INVERSE_MASS, i]),
+        np.float64(block[at.FRONT_STIFFNESS, i]),
+        np.float64(block[at.REAR_STIFFNESS, i]),
         settings[at.SLIPS] == 0.0,
     )
     steer = clip(steer, -np.float64(settings[at.COMMAND_LIMIT]), np.float64(settings[at.COMMAND_LIMIT]))
     forward = v
     if settings[at.FRONT_SPEED] > 0.0:  # v is the front wheels'
-        forward, r = v * np.cos(steer), v * np.sin(steer) / np.float64(block[at.CAR, i] + block[at.CAR + 1, i])
+        wheelbase = np.float64(block[at.CG_TO_FRONT, i] + block[at.CG_TO_REAR, i])
+        forward, r = v * np.cos(steer), v * np.sin(steer) / wheelbase
     return steer, beta, r, forward
 
 
@@ -121,9 +122,9 @@ def start_drive(i, key, block, counted, settings, drive, timelines):
         block[at.STEP, i] = zero  # the time of the first events
         block[at.LEAD_GAP, i] = far
         block[at.STOP_GAP, i] = far
-        low, high = np.float64(settings[at.SLOPES]), np.float64(settings[at.SLOPES + 1])
+        low, high = np.float64(settings[at.SLOPE_LOW]), np.float64(settings[at.SLOPE_HIGH])
         block[at.SLOPE, i] = low + (high - low) * uniform(key, DRAW_SLOPE)
-        low, high = np.float64(settings[at.WINDS]), np.float64(settings[at.WINDS + 1])
+        low, high = np.float64(settings[at.WIND_LOW]), np.float64(settings[at.WIND_HIGH])
         block[at.WIND, i] = low + (high - low) * uniform(key, DRAW_WIND)
         happen(i, block, timelines[which], settings)
         block[at.GEAR, i] = choose_gear(block[at.SET_SPEED, i], drive)

@@ -44,10 +44,10 @@ def _turn_servo(k, cars, counters, settings, servo):
         if servo is not None:
             angle = like(limit, servo_angle(np.float64(angle), np.float64(limit), servo))
         block[at.SERVO, i] = angle + block[at.STEER_OFFSET, i]
-        block[at.BEFORE, i] = block[at.ALONG, i]
-        block[at.BEFORE + 1, i] = block[at.LATERAL, i]
-        block[at.BEFORE + 2, i] = block[at.HEADING, i]
-        block[at.BEFORE + 3, i] = block[at.SPEED, i]
+        block[at.BEFORE_X, i] = block[at.ALONG, i]
+        block[at.BEFORE_Y, i] = block[at.LATERAL, i]
+        block[at.BEFORE_HEADING, i] = block[at.HEADING, i]
+        block[at.BEFORE_SPEED, i] = block[at.SPEED, i]
 
 
 @helper
@@ -64,10 +64,10 @@ def _after_substep(k, cars, counters, world):
 def _still(i, block):
     """A car that has diverged stands where it was before the control step."""
     zero = like(block[0, 0], 0.0)
-    for row, before in ((at.ALONG, at.BEFORE), (at.LATERAL, at.BEFORE + 1), (at.HEADING, at.BEFORE + 2)):
+    for row, before in ((at.ALONG, at.BEFORE_X), (at.LATERAL, at.BEFORE_Y), (at.HEADING, at.BEFORE_HEADING)):
         block[before, i] = block[before, i] if np.isfinite(block[before, i]) else zero
         block[row, i] = block[before, i]
-    for row in (at.SIDESLIP, at.YAW_RATE, at.SPEED, at.BEFORE + 3, at.STEER):
+    for row in (at.SIDESLIP, at.YAW_RATE, at.SPEED, at.BEFORE_SPEED, at.STEER):
         block[row, i] = zero
     for row in (at.STEER_BEFORE, at.MOTOR, at.ACCELERATION):
         block[row, i] = zero
@@ -157,8 +157,8 @@ def _judge_car(i, block, counted, world, settings, outcome, scratch):
     block[at.STEP, i] += one
     touched = touch(i, block, walls, span, settings, scratch)
     if touched and not ends:  # a wall holds the car where it was
-        block[at.ALONG, i], block[at.LATERAL, i] = block[at.BEFORE, i], block[at.BEFORE + 1, i]
-        block[at.HEADING, i] = block[at.BEFORE + 2, i]
+        block[at.ALONG, i], block[at.LATERAL, i] = block[at.BEFORE_X, i], block[at.BEFORE_Y, i]
+        block[at.HEADING, i] = block[at.BEFORE_HEADING, i]
         block[at.SPEED, i] = block[at.YAW_RATE, i] = block[at.SIDESLIP, i] = block[at.ACCELERATION, i] = zero
         measure_clearance(i, block, walls, span, settings, scratch)
     read_encoder(i, block, settings)

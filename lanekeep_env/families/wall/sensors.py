@@ -29,7 +29,7 @@ def look_around(i, block, walls, span, settings, scratch):
 def _body(x, y, heading, settings):
     """Pose of the middle of a car's body whose reference point is at (x, y)."""
     sine, cosine = sin_cos(heading)
-    middle = settings[at.BODY]
+    middle = settings[at.BODY_MIDDLE]
     return x + middle * cosine, y + middle * sine, cosine, sine
 
 
@@ -37,16 +37,18 @@ def _body(x, y, heading, settings):
 def measure_clearance(i, block, walls, span, settings, scratch):
     """Write how far car i's body is from the nearest wall."""
     pose = _body(block[at.ALONG, i], block[at.LATERAL, i], block[at.HEADING, i], settings)
-    block[at.CLEARANCE, i] = clearance(pose, (settings[at.BODY + 1], settings[at.BODY + 2]), walls, span, scratch)
+    block[at.CLEARANCE, i] = clearance(
+        pose, (settings[at.BODY_HALF_LENGTH], settings[at.BODY_HALF_WIDTH]), walls, span, scratch
+    )
 
 
 @helper
 def touch(i, block, walls, span, settings, scratch):
     """Whether car i's body touched a wall in this control step; writes its clearance."""
     measure_clearance(i, block, walls, span, settings, scratch)
-    before = _body(block[at.BEFORE, i], block[at.BEFORE + 1, i], block[at.BEFORE + 2, i], settings)
+    before = _body(block[at.BEFORE_X, i], block[at.BEFORE_Y, i], block[at.BEFORE_HEADING, i], settings)
     after = _body(block[at.ALONG, i], block[at.LATERAL, i], block[at.HEADING, i], settings)
-    return sweeps(before, after, (settings[at.BODY + 1], settings[at.BODY + 2]), walls, span, scratch)
+    return sweeps(before, after, (settings[at.BODY_HALF_LENGTH], settings[at.BODY_HALF_WIDTH]), walls, span, scratch)
 
 
 @helper
@@ -59,7 +61,7 @@ def read_encoder(i, block, settings):
     speed = v
     if tick > 0.0:
         # The speed rose or fell evenly, and then stood for the rest of the step.
-        before, change = block[at.BEFORE + 3, i], settings[at.SPEED_CHANGE]
+        before, change = block[at.BEFORE_SPEED, i], settings[at.SPEED_CHANGE]
         ramp = abs(v - before) * settings[at.STEP_TIME] / (change if change > 0.0 else like(change, 1.0))
         way = block[at.WAY, i] + v * seconds - half * (v - before) * smaller(ramp, seconds)
         # Counted in ticks of the present wheel's turn, so that float32 stays exact on long ways.

@@ -128,10 +128,10 @@ def _blocked(begin, pose, which, world, settings, scratch):
     (walls, _, _, _), index = world
     span = index[which, at.I_FIRST], index[which, at.I_END]
     x, y, angle = pose
-    middle, sine, cosine = np.float64(settings[at.BODY]), np.sin(angle), np.cos(angle)
+    middle, sine, cosine = np.float64(settings[at.BODY_MIDDLE]), np.sin(angle), np.cos(angle)
     zero = like(settings[0], 0.0)
     body = like(zero, x + middle * cosine), like(zero, y + middle * sine), like(zero, cosine), like(zero, sine)
-    blocked = touches(body, (settings[at.BODY + 1], settings[at.BODY + 2]), walls, span)
+    blocked = touches(body, (settings[at.BODY_HALF_LENGTH], settings[at.BODY_HALF_WIDTH]), walls, span)
     # Beyond a wall lies another room, or none.
     own = like(zero, begin[0]), like(zero, begin[1]), like(zero, cosine), like(zero, sine)
     there = like(zero, x), like(zero, y), like(zero, cosine), like(zero, sine)
@@ -144,7 +144,7 @@ def _set_off(i, key, block, settings, servo):
     v = 0.0
     if settings[at.LARGEST_SPEED] == 0.0:
         v = set_speed(i, key, np.int64(0), block, settings)
-    low, high = np.float64(settings[at.OFFSETS]), np.float64(settings[at.OFFSETS + 1])
+    low, high = np.float64(settings[at.OFFSET_LOW]), np.float64(settings[at.OFFSET_HIGH])
     offset = low + (high - low) * uniform(key, DRAW_CAR + DRAW_OFFSET)
     block[at.STEER_OFFSET, i] = offset
     steer = offset
@@ -161,8 +161,8 @@ def _set_off(i, key, block, settings, servo):
         block[row, i] = like(settings[0], 0.0)
     for row in (at.LAP_BEGAN, at.LAP_TIME, at.LAPS_DONE):
         block[row, i] = like(settings[0], 0.0)
-    yaw_rate = v * np.tan(steer) / np.float64(block[at.CAR, i] + block[at.CAR + 1, i])
+    yaw_rate = v * np.tan(steer) / np.float64(block[at.CG_TO_FRONT, i] + block[at.CG_TO_REAR, i])
     block[at.YAW_RATE, i] = yaw_rate
     block[at.ACCELERATION, i] = v * yaw_rate
-    for row, source in ((0, at.ALONG), (1, at.LATERAL), (2, at.HEADING), (3, at.SPEED)):
-        block[at.BEFORE + row, i] = block[source, i]
+    block[at.BEFORE_X, i], block[at.BEFORE_Y, i] = block[at.ALONG, i], block[at.LATERAL, i]
+    block[at.BEFORE_HEADING, i], block[at.BEFORE_SPEED, i] = block[at.HEADING, i], block[at.SPEED, i]

@@ -22,7 +22,7 @@ def scan(poses, walls, first_angle=0.0, step=0.1, count=60, reach=np.inf, dtype=
     scratch, ranges = np.empty((SCRATCH_ROWS, rows.shape[1]), dtype), np.empty((len(poses), count), dtype)
     poses = np.asarray(poses, dtype)
     fan = np.empty(beams.shape[1], dtype)
-    cast_many(poses, dtype(first_angle), dtype(step), dtype(reach), beams, rows, scratch, fan, ranges)
+    cast_many(poses, dtype(first_angle), (dtype(step), dtype(reach), beams), rows, scratch, fan, ranges)
     return ranges
 
 
