@@ -22,7 +22,7 @@ from lanekeep_env.scenario.integration import Integration, rolling, slipping
 from lanekeep_env.scenario.scan import SCANS, Scan, scan_from
 from lanekeep_env.scenario.servo import Servo, servo_from
 from lanekeep_env.sensing.faults import WALL_SENSOR_SETS, SensorSets
-from lanekeep_env.sensing.ultrasonic import FARTHEST
+from lanekeep_env.sensing.ultrasonic import FARTHEST, ULTRASONICS
 from lanekeep_env.walls import Corridor, RandomCircuits, WorldRecord, world_from
 
 #: Largest angle of the road wheel, whatever it is told, rad.
@@ -198,7 +198,7 @@ class WallFollowScenario(CarScenario):
                 row,
                 Measured(missing=0.0, holds=False),
             )
-            for side, row in _ULTRASONICS
+            for side, (row, *_) in ULTRASONICS.items()
         ]
         channels += [
             Channel("yaw_rate", "rad/s", -20.0, 20.0, "left positive", at.YAW_RATE, Measured()),
@@ -251,9 +251,6 @@ class WallFollowScenario(CarScenario):
 
     def _fingerprint(self) -> dict[str, Any]:
         return {**super()._fingerprint(), "world": self.world.fingerprint()}
-
-
-_ULTRASONICS = (("right", at.RIGHT), ("left", at.LEFT), ("front", at.FRONT))
 
 
 @dataclass(frozen=True)

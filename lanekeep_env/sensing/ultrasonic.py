@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from lanekeep_env import layout as at
 from lanekeep_env.compile import helper
 from lanekeep_env.physics.numeric import clip, larger, like, smaller
 
@@ -13,6 +14,13 @@ from lanekeep_env.physics.numeric import clip, larger, like, smaller
 NEAREST, FARTHEST, HALF_CONE = 0.03, 6.0, math.radians(22.5)
 #: Of half the angle, written down: not every machine's tan ends in the same digit.
 TANGENT = 0.41421356237309503
+#: Its sensors by name: row of the distance, row of the settings that says how far ahead it sits, and the cosine and
+#: sine of its angle to the car's axis.
+ULTRASONICS = {
+    "right": (at.RIGHT, at.SIDE_ARM, 0, -1),
+    "left": (at.LEFT, at.SIDE_ARM, 0, 1),
+    "front": (at.FRONT, at.FRONT_ARM, 1, 0),
+}
 
 
 @helper

@@ -170,7 +170,7 @@ def residual(make_record, make_tensors, trained, zero=False, base="yin-lqr-obser
 @pytest.mark.parametrize("action", ["steering_angle", "steering_rate"])
 @pytest.mark.parametrize("trained_on", ["steering_angle", "steering_rate"])
 def test_a_zero_correction_is_the_base(trained_on, action, make_record, make_tensors):
-    keywords = {"action": action, "max_steering_rate": 20.0}
+    keywords = {"action": action, **({"max_steering_rate": 20.0} if action == "steering_rate" else {})}
     trained = LaneKeepScenario(preview=3, action=trained_on, max_steering_rate=20.0)
     record, tensors = residual(make_record, make_tensors, trained, zero=True)
     found = drive(lambda scenario: LearnedPolicy(record, tensors, scenario), **keywords)

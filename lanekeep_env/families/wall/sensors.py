@@ -7,22 +7,22 @@ import numpy as np
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper
 from lanekeep_env.physics.numeric import like, sin_cos, smaller
-from lanekeep_env.sensing.ultrasonic import FARTHEST, NEAREST, TANGENT, cone_distance
+from lanekeep_env.sensing.ultrasonic import FARTHEST, NEAREST, TANGENT, ULTRASONICS, cone_distance
 from lanekeep_env.walls.contact import clearance, sweeps
+
+_PLACES = tuple(ULTRASONICS.values())
 
 
 @helper
 def look_around(i, block, walls, span, settings, scratch):
-    """Write the distances that the three ultrasonics would tell without a fault, m, NaN for no echo."""
+    """Write the distances that the ultrasonics would tell without a fault, m, NaN for no echo."""
     sine, cosine = sin_cos(block[at.HEADING, i])
     x, y = block[at.ALONG, i], block[at.LATERAL, i]
     cone = like(x, TANGENT), like(x, NEAREST), like(x, FARTHEST)
-    side, front = settings[at.SIDE_ARM], settings[at.FRONT_ARM]
-    sx, sy = x + side * cosine, y + side * sine
-    fx, fy = x + front * cosine, y + front * sine
-    block[at.RIGHT, i] = cone_distance((sx, sy, sine, -cosine), cone, walls, span, scratch)
-    block[at.LEFT, i] = cone_distance((sx, sy, -sine, cosine), cone, walls, span, scratch)
-    block[at.FRONT, i] = cone_distance((fx, fy, cosine, sine), cone, walls, span, scratch)
+    for row, arm, ahead, left in _PLACES:
+        c, s = like(x, ahead), like(x, left)
+        pose = x + settings[arm] * cosine, y + settings[arm] * sine, c * cosine - s * sine, c * sine + s * cosine
+        block[row, i] = cone_distance(pose, cone, walls, span, scratch)
 
 
 @helper
