@@ -41,7 +41,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """Vector form of a `SingleEnv`, whose docstring describes the task; `vector_twins` derives one a task.
 
     Args:
-        num_envs: number of cars n (cars).
+        num_envs: number of cars n.
         max_episode_steps: control steps after which a car is truncated, if fewer than ``episode_steps``.
         autoreset_mode: "next_step" (Gymnasium's default), "same_step" or "disabled".
         dtype: "float64" (cars equal single environments bitwise) or "float32" (twice as fast).
@@ -88,6 +88,8 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             np.zeros((num_envs, self._core.num_channels), dtype=np.float32),
             np.zeros((self._core.outcome_rows, num_envs), dtype=dtype),
         )
+        #: Truth in the infos by name, and its row in the outcome.
+        self.truth: dict[str, int] = dict((*_TRUTH, *self.further))
         self._threads = num_threads
         self._same_step = code == at.SAME_STEP
         self._masked = code == at.NO_AUTORESET
@@ -223,7 +225,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _infos(self, outcome: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
         infos: dict[str, Any] = {}
-        for name, row in (*_TRUTH, *self.further):
+        for name, row in self.truth.items():
             infos[name] = outcome[row]
             infos["_" + name] = mask
         infos["is_success"] = outcome[at.O_SUCCESS] > 0.0

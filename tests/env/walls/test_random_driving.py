@@ -120,6 +120,7 @@ def test_single_environments_run_random_episodes_too():
     for k in range(60):
         keywords = random_keywords(rng, k % 2)
         del keywords["autoreset_mode"]
+        keywords = with_effect(IDS[k % 2], keywords)
         env = gym.make(IDS[k % 2], **keywords)
         env.reset(seed=k)
         env.action_space.seed(k)
