@@ -33,8 +33,9 @@ def _made(scenario: SuiteScenario) -> Any:
     environment: Any = load_env_creator(spec.vector_entry_point)
     record = environment.scenario_class
     definition = record.from_keywords(**scenario.keywords)  # which knows no keywords but the scenario's
-    if scenario.told:
-        record.from_keywords(**{**scenario.keywords, **scenario.told})
+    record.check_names(scenario.told)
+    # What has no effect on the car that policies believe in has one on the true one.
+    scenario.policies_scenario(definition)
     env = make_cars(scenario, 1)
     if scenario.options:
         env.reset(seed=0, options=dict(scenario.options))

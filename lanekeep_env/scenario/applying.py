@@ -6,9 +6,6 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any
 
-import gymnasium as gym
-from gymnasium.envs.registration import load_env_creator
-
 from lanekeep_env.randomisation import Randomisation
 from lanekeep_env.registration import ENVIRONMENTS
 
@@ -37,9 +34,8 @@ def sets_table() -> str:
 
 def _scenarios() -> Iterator[tuple[str, Any]]:
     """Every environment as it is and with each choice that it has, by what to call it."""
-    for env_id in ENVIRONMENTS:
-        creator: Any = load_env_creator(str(gym.spec(env_id).entry_point))
-        record, name = creator.scenario_class, env_id.rpartition("/")[2]
+    for env_id, row in ENVIRONMENTS.items():
+        record, name = row.scenario, env_id.rpartition("/")[2]
         usual = record.from_keywords()
         yield name, usual
         for field, choices in _CHOICES.items():

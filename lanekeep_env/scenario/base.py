@@ -105,14 +105,19 @@ class ScenarioRecord:
             ValueError: a value that is not allowed, or has no effect in this scenario and is not the default.
             TypeError: an unknown keyword; the nearest valid one is named.
         """
-        allowed = [f.name for f in fields(cls)]
-        for key in keywords:
-            if key not in allowed:
-                allowed += others
-                raise TypeError(f"unknown keyword {shown(key)}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
+        cls.check_names(keywords, others)
         scenario = cls(**keywords)
         refuse_idle(scenario, scenario._refused(), keywords)
         return scenario
+
+    @classmethod
+    def check_names(cls, names: Iterable[str], others: Iterable[str] = ()) -> None:
+        """Raise TypeError for a name that is no field, with the nearest one; ``others`` might be named as well."""
+        allowed = [f.name for f in fields(cls)]
+        for name in names:
+            if name not in allowed:
+                allowed += others
+                raise TypeError(f"unknown keyword {shown(name)}{nearest(name, allowed)}; allowed: {', '.join(allowed)}")
 
     @property
     def without_effect(self) -> dict[str, Need]:
@@ -166,7 +171,7 @@ class ScenarioRecord:
         return np.array(rows, dtype=np.float64)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scenario as JSON-able values; `from_keywords` reads them back."""
+        """Return the scenario as JSON-able values; `from_keywords` reads back those of a scenario that it built."""
         values: dict[str, Any] = {}
         for f in fields(self):
             value = getattr(self, f.name)

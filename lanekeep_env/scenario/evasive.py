@@ -89,8 +89,8 @@ class ReversePathScenario(RoadScenario):
 
     @property
     def slows_for_bends(self) -> bool:
-        """The limit is of cars that drive forwards."""
-        return False
+        """Only in where episodes start: backwards the car does not know of bends before it is in them."""
+        return not self.road.from_start
 
     def numbers(self) -> dict[int, Any]:
         """The kernel's settings by row of `layout`."""

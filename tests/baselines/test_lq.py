@@ -74,7 +74,7 @@ def least_cost(scenario: LaneKeepScenario, speed: float, road: np.ndarray, start
 @pytest.mark.parametrize("speed", [10.0, 20.0, 45.0])
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.12])
 def test_no_drive_costs_less_than_lq_preview(speed: float, delay: float) -> None:
-    """From beside the car into a curve: what the policy costs is what the best of all commands cost."""
+    """From beside the lane into a curve: what the policy costs is what the best of all commands cost."""
     scenario = with_delay(delay)
     # A road whose whole future fits in the first preview: a straight, a clothoid, an arc.
     road = 3.0 / speed**2 * np.interp(np.arange(41), [0, 12, 30, 40], [0.0, 0.0, 1.0, 1.0])

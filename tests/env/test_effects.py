@@ -31,7 +31,7 @@ SCENARIOS = {
     "Evasive": [ROAD[0], {"tyre": "linear"}],
     "CameraLane": CAMERA,
     "TurnOff": [{"speed": {**CONSTANT, "hold": None}}],
-    "ReversePath": [*ROAD[1:], {"speed": {**CONSTANT, "hold": None}}],
+    "ReversePath": [*ROAD[1:], {"speed": {**CONSTANT, "hold": None}}, {"road": "random"}],
     "Drive": [ROAD[1], {"traffic": [(0.0, "speed", 8.0)]}, {"powertrain": {"creep": 0.0}}],
     "WallFollow": [*WALLS, {"contact": "cost"}, {"speed": {**CONSTANT, "hold": None}}],
     "Circuit": [*WALLS, {"vehicle": {"base": "pses", "steering": {"lag": 0.05}}}],

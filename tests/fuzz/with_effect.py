@@ -6,16 +6,12 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-import gymnasium as gym
-from gymnasium.envs.registration import load_env_creator
-
-import lanekeep_env  # noqa: F401 (registers the ids)
+import lanekeep_env
 
 
 def scenario_class(env_id: str) -> Any:
     """Return the class of an id's scenarios."""
-    creator: Any = load_env_creator(str(gym.spec(env_id).entry_point))
-    return creator.scenario_class
+    return lanekeep_env.ENVIRONMENTS[env_id].scenario
 
 
 def with_effect(env_id: str, keywords: Mapping[str, Any]) -> dict[str, Any]:

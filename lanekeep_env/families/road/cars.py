@@ -73,7 +73,6 @@ class RoadCars(Cars):
     family = ON_ROADS
     start_options = ("lateral_error", "heading_error", "arc_length", "road_index")
     empty_row = at.SEGMENT_LENGTH
-    bound = ()
 
     def __init__(self, scenario: RoadScenario, *arguments: Any) -> None:
         roads = [road for road, _ in road_set(scenario.road, scenario.speed)]
@@ -81,7 +80,6 @@ class RoadCars(Cars):
             road.check_lane(scenario.lane_width / 2)
         self._shortest = min(road.length for road in roads)
         super().__init__(scenario, *arguments)
-        self.gear = self._gear()
         self._bind()
 
     def _bind(self) -> None:
@@ -91,7 +89,7 @@ class RoadCars(Cars):
             s.road, s.speed, s.road.fingerprint(), s.episode_steps * s.control_step, self.dtype
         )
         # Flat: numba cannot hand a tuple of tuples to several threads.
-        self.equipment = self.sensors, self.gear, s.integration.lowered_floor, self._camera(), *self._drive()
+        self.equipment = self.sensors, self._gear(), s.integration.lowered_floor, self._camera(), *self._drive()
         self._bind_kernels()
 
     def _drive(self) -> tuple[np.ndarray | None, np.ndarray | None]:

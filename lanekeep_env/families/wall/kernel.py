@@ -218,8 +218,8 @@ def _observe(span, cars, counters, world, settings, equipment, observation):
     k, first, last = span
     begin = k * cars.shape[2]
     block, counted, seen = cars[k], counters[:, begin:], observation[begin:]
-    sensors, _, _, _, numbers, beams, rows, fan, held = equipment
-    _see_walls(span, cars, counters, world, settings, numbers, (numbers, beams, rows, fan, held), observation)
+    sensors, numbers = equipment[0], equipment[4]
+    _see_walls(span, cars, counters, world, settings, numbers, equipment[4:], observation)
     gather(first, last, block, settings, seen)
     for i in range(first, last):
         measure(i, block, counted, settings, sensors, seen)
