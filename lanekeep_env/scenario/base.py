@@ -80,11 +80,11 @@ class ScenarioRecord:
         for name, read in self._readers.items():
             object.__setattr__(self, name, read(getattr(self, name)))
         self._check()
+        plain_numbers(self)
         measured = [channel.name for channel in self._channels() if channel.sensor is not None]
         object.__setattr__(self, "sensors", sensors_from(self.sensors, measured, self._sensor_sets))
         for channel, sensor in self.sensors:
             sensor.check(channel, self.control_step)
-        plain_numbers(self)
         _ = self.integration  # so that a car which cannot be integrated is found here
 
     @cached_property

@@ -193,7 +193,8 @@ def test_the_van_slows_down_before_bends():
     assert np.abs(np.diff(v, axis=0)).max() <= 1.2 * 0.04 * 1.05
     assert v.max() == pytest.approx(6.0, abs=1e-6) and v.min() < 3.0
     assert (v[0] < 5.9).any()  # starts in bends, too
-    _, (_, free, _, _) = in_lane(cars=20, steps=100, speed={"minimum": 6.0, "hold": None, "standstill": 0.0})
+    without = {name: value for name, value in speed.items() if name != "acceleration"}
+    _, (_, free, _, _) = in_lane(cars=20, steps=100, speed={**without, "lateral_acceleration": None})
     np.testing.assert_allclose(free, 6.0, atol=1e-12)
 
 
