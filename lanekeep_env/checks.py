@@ -104,6 +104,22 @@ def from_mapping(record: type[T], mapping: Mapping[str, Any], name: str) -> T:
     return record(**mapping)
 
 
+def record_from(record: type[T], value: Any, name: str, named: Mapping[str, T], of: str | None = None) -> T:
+    """Read a frozen dataclass: a record, a name of ``named`` or a mapping of fields; ValueError names what is wrong.
+
+    ``of`` says what a mapping holds, if not the record's fields.
+    """
+    if isinstance(value, record):
+        return value
+    if isinstance(value, str):
+        choose(name, value, named)
+        return named[value]
+    if not isinstance(value, Mapping):
+        holds = of or f"{record.__name__}'s fields"
+        raise ValueError(f"{name}={shown(value)} must be {', '.join(named)} or a mapping of {holds}")
+    return from_mapping(record, value, name)
+
+
 def plain_numbers(record: Any) -> None:
     """Make the numbers of a frozen dataclass plain ints and floats, as its fields are declared.
 

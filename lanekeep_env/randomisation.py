@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from lanekeep_env.checks import choose, from_mapping, require, shown
+from lanekeep_env.checks import record_from, require, shown
 
 Range = tuple[float, float]
 
@@ -103,11 +103,4 @@ RANDOMISATIONS: dict[str, Randomisation] = {
 
 def randomisation_from(value: str | Mapping[str, Any] | Randomisation) -> Randomisation:
     """Read a randomisation: a named set, a mapping of bounds, or a record; ValueError names what is wrong."""
-    if isinstance(value, Randomisation):
-        return value
-    if isinstance(value, str):
-        choose("randomisation", value, RANDOMISATIONS)
-        return RANDOMISATIONS[value]
-    if not isinstance(value, Mapping):
-        raise ValueError(f"randomisation={shown(value)} must be {', '.join(RANDOMISATIONS)} or a mapping of bounds")
-    return from_mapping(Randomisation, value, "randomisation")
+    return record_from(Randomisation, value, "randomisation", RANDOMISATIONS, of="bounds")

@@ -35,6 +35,12 @@ FIRST_SET_SPEED = np.int64(1 << 33)
 
 
 @inline
+def cars_in(k, cars, counters):
+    """How many cars block ``k`` holds; the last one may not be full."""
+    return min(cars.shape[2], counters.shape[1] - k * cars.shape[2])
+
+
+@inline
 def _drawn(key, which, settings):
     """Draw the randomised number ``which`` (typed, see above) between its bounds; equal bounds give it exactly."""
     low = np.float64(settings[at.RANGES + 2 * which])
@@ -96,7 +102,7 @@ def set_speeds(k, cars, counters, settings):
     """Draw new set speeds for the cars of block ``k`` whose time has come."""
     first, block = k * cars.shape[2], cars[k]
     hold = settings[at.SPEED_HOLD]
-    for i in range(min(block.shape[1], counters.shape[1] - first)):
+    for i in range(cars_in(k, cars, counters)):
         step = block[at.STEP, i]
         if step > 0.0 and step % hold == 0.0:
             episode = derive(np.uint64(counters[at.KEY, first + i]), counters[at.EPISODE, first + i])

@@ -17,12 +17,22 @@ from numba import prange
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, kernel
 from lanekeep_env.engine.delay import acting_row, delay_commands
-from lanekeep_env.engine.episode import set_speeds
+from lanekeep_env.engine.episode import cars_in, set_speeds
 from lanekeep_env.physics.integrate import PACED, named
 from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.numeric import clip, like
 from lanekeep_env.tasks.divergence import are_finite
 from lanekeep_env.tasks.termination import DIVERGED
+
+
+@helper
+def _nothing(k, cars, counters, settings, equipment):
+    """What most worlds do at most of a step's places."""
+
+
+@helper
+def _nothing_after(k, cars, counters, world):
+    """The same behind a sub-step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,30 +45,30 @@ class Family:
         name: of its compiled functions.
         command_row: what the actuator is told.
         outcome_rows: rows of ``outcome`` that a step writes.
-        begin: (k, cars, counters, settings, equipment), what a control step begins with around the cars.
-        act: (k, cars, counters, settings, equipment), from the commands to what the actuator is told.
-        before_substep: (k, cars, counters, settings, equipment).
-        after_substep: (k, cars, counters, world).
         still: (i, block), where car i stands that has diverged.
         judge: (k, cars, counters, world, settings, equipment, outcome), reward and flags.
         report: (k, first, last, cars, settings, outcome), the truth of cars ``first`` to ``last`` of a block.
         observe: (span, cars, counters, world, settings, equipment, observation); ``span`` is (k, first, last).
         start: (place, wanted, cars, counters, world, settings, equipment), the next episode's state of the car at
             ``place`` = (k, i); ``wanted`` are the four start rows of ``reset``, NaN where they are drawn.
+        begin: (k, cars, counters, settings, equipment), what a control step begins with around the cars.
+        act: (k, cars, counters, settings, equipment), from the commands to what the actuator is told.
+        before_substep: (k, cars, counters, settings, equipment).
+        after_substep: (k, cars, counters, world).
     """
 
     name: str
     command_row: int
     outcome_rows: int
-    begin: Callable[..., Any]
-    act: Callable[..., Any]
-    before_substep: Callable[..., Any]
-    after_substep: Callable[..., Any]
     still: Callable[..., Any]
     judge: Callable[..., Any]
     report: Callable[..., Any]
     observe: Callable[..., Any]
     start: Callable[..., Any]
+    begin: Callable[..., Any] = _nothing
+    act: Callable[..., Any] = _nothing
+    before_substep: Callable[..., Any] = _nothing
+    after_substep: Callable[..., Any] = _nothing_after
 
 
 @functools.cache
@@ -70,7 +80,7 @@ def _taker(stride: int) -> Callable[..., Any]:
     def take_actions(k, cars, counters, settings, action):
         """Turn actions into commands and what second actions ask for; count those that had to be clipped."""
         first = k * cars.shape[2]
-        n = min(cars.shape[2], counters.shape[1] - first)
+        n = cars_in(k, cars, counters)
         limit, scale = settings[at.COMMAND_LIMIT], settings[at.ACTION_SCALE]
         one, zero = like(limit, 1.0), like(limit, 0.0)
         seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
@@ -168,7 +178,7 @@ def _finisher(family: Family) -> Callable[..., Any]:
         mode, nan, block = np.int64(settings[at.AUTORESET]), np.nan, cars[k]
         zero, one = like(settings[0], 0.0), like(settings[0], 1.0)
         first = k * cars.shape[2]
-        for i in range(min(cars.shape[2], counters.shape[1] - first)):
+        for i in range(cars_in(k, cars, counters)):
             column, starts = first + i, False
             if block[at.DONE, i] > zero:
                 outcome[at.O_REWARD, column] = zero  # the episode is over; its end was paid for
@@ -192,15 +202,14 @@ def _finisher(family: Family) -> Callable[..., Any]:
     def finish(k, cars, counters, world, settings, equipment, told):
         observation, outcome = told
         first, block = k * cars.shape[2], cars[k]
-        last = min(first + cars.shape[2], counters.shape[1])
-        n = last - first
+        n = cars_in(k, cars, counters)
         diverged = _find_diverged(n, block)
         for i in range(n if diverged > 0 else 0):
             if block[at.DIVERGED, i] > like(settings[0], 0.0):
                 still(i, block)
         judge(k, cars, counters, world, settings, equipment, outcome)
         if diverged > 0:
-            _end_diverged(n, block, settings, outcome[:, first:last])
+            _end_diverged(n, block, settings, outcome[:, first : first + n])
         begin = np.int64(0)  # a literal would be a type of its own and compile both functions twice
         report(k, begin, n, cars, settings, outcome)
         observe((k, begin, n), cars, counters, world, settings, equipment, observation)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
+from lanekeep_env.checks import plain_numbers, record_from, require, shown
 
 #: Longitudinal acceleration beyond which a powertrain is none, m/s².
 LARGEST_PULL = 100.0
@@ -151,13 +151,4 @@ POWERTRAINS = {"passat": Powertrain()}
 
 def powertrain_from(value: str | Mapping[str, Any] | Powertrain) -> Powertrain:
     """Read a powertrain: a name, a mapping of fields, or a record; ValueError names what is wrong."""
-    if isinstance(value, Powertrain):
-        return value
-    if isinstance(value, str):
-        choose("powertrain", value, POWERTRAINS)
-        return POWERTRAINS[value]
-    if not isinstance(value, Mapping):
-        raise ValueError(
-            f"powertrain={shown(value)} must be {', '.join(POWERTRAINS)} or a mapping of Powertrain's fields"
-        )
-    return from_mapping(Powertrain, value, "powertrain")
+    return record_from(Powertrain, value, "powertrain", POWERTRAINS)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
+from lanekeep_env.checks import plain_numbers, record_from, require
 
 
 @dataclass(frozen=True)
@@ -78,11 +78,4 @@ SCANS: dict[str, Scan] = {
 
 def scan_from(value: str | Mapping[str, Any] | Scan) -> Scan:
     """Read a scan: a name of `SCANS`, a mapping of fields, or a record; ValueError names what is wrong."""
-    if isinstance(value, Scan):
-        return value
-    if isinstance(value, str):
-        choose("scan", value, SCANS)
-        return SCANS[value]
-    if not isinstance(value, Mapping):
-        raise ValueError(f"scan={shown(value)} must be {', '.join(SCANS)} or a mapping of Scan's fields")
-    return from_mapping(Scan, value, "scan")
+    return record_from(Scan, value, "scan", SCANS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper
+from lanekeep_env.engine.episode import cars_in
 from lanekeep_env.engine.observe import gather
 from lanekeep_env.engine.step import Family
 from lanekeep_env.families.road.segments import cross_segments, look_ahead
@@ -48,14 +49,9 @@ def _surroundings(k, cars, counters, settings, timelines):
     """What a control step begins with around cars that have a powertrain: the events that are due, no way driven."""
     if timelines is not None:
         first, block = k * cars.shape[2], cars[k]
-        for i in range(min(cars.shape[2], counters.shape[1] - first)):
+        for i in range(cars_in(k, cars, counters)):
             happen(i, block, timelines[counters[at.TIMELINE, first + i]], settings)
             block[at.WAY, i] = like(settings[0], 0.0)
-
-
-@helper
-def _act(k, cars, counters, settings, equipment):
-    """The actuator is told the command."""
 
 
 @helper
@@ -67,9 +63,8 @@ def _before_substep(k, cars, counters, settings, equipment):
 def _pull(k, cars, counters, settings, drive):
     """Longitudinal acceleration of cars with a powertrain in the sub-step to come."""
     if drive is not None:
-        first, block = k * cars.shape[2], cars[k]
-        for i in range(min(cars.shape[2], counters.shape[1] - first)):
-            pull(i, block, settings, drive)
+        for i in range(cars_in(k, cars, counters)):
+            pull(i, cars[k], settings, drive)
 
 
 @helper
@@ -141,9 +136,9 @@ def _judge_drive(n, block, settings, outcome, drive):
 @helper
 def _judge(k, cars, counters, world, settings, equipment, outcome):
     first = k * cars.shape[2]
-    last = min(first + cars.shape[2], counters.shape[1])
-    _judge_lane(last - first, cars[k], settings, outcome[:, first:last])
-    _judge_drive(last - first, cars[k], settings, outcome[:, first:last], equipment[4])
+    n = cars_in(k, cars, counters)
+    _judge_lane(n, cars[k], settings, outcome[:, first : first + n])
+    _judge_drive(n, cars[k], settings, outcome[:, first : first + n], equipment[4])
 
 
 @helper
@@ -194,7 +189,6 @@ ON_ROADS = Family(
     command_row=at.COMMAND,
     outcome_rows=at.OUTCOME_ROWS,
     begin=_begin,
-    act=_act,
     before_substep=_before_substep,
     after_substep=_after_substep,
     still=_still,

@@ -10,6 +10,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper
+from lanekeep_env.engine.episode import cars_in
 from lanekeep_env.engine.observe import gather
 from lanekeep_env.engine.step import Family
 from lanekeep_env.families.wall.line import follow
@@ -26,11 +27,6 @@ from lanekeep_env.tasks.wall_driving import judge_circuit, judge_following
 
 
 @helper
-def _begin(k, cars, counters, settings, equipment):
-    """Nothing happens around cars between walls."""
-
-
-@helper
 def _act(k, cars, counters, settings, equipment):
     _turn_servo(k, cars, counters, settings, equipment[3])
 
@@ -39,7 +35,7 @@ def _act(k, cars, counters, settings, equipment):
 def _turn_servo(k, cars, counters, settings, servo):
     """Turn commands into angles of the servo; keep pose and speed at the step's begin."""
     block, limit = cars[k], settings[at.COMMAND_LIMIT]
-    for i in range(min(cars.shape[2], counters.shape[1] - k * cars.shape[2])):
+    for i in range(cars_in(k, cars, counters)):
         angle = block[at.COMMAND, i]
         if servo is not None:
             angle = like(limit, servo_angle(np.float64(angle), np.float64(limit), servo))
@@ -48,16 +44,6 @@ def _turn_servo(k, cars, counters, settings, servo):
         block[at.BEFORE_Y, i] = block[at.LATERAL, i]
         block[at.BEFORE_HEADING, i] = block[at.HEADING, i]
         block[at.BEFORE_SPEED, i] = block[at.SPEED, i]
-
-
-@helper
-def _before_substep(k, cars, counters, settings, equipment):
-    """Nothing has to be known before a sub-step."""
-
-
-@helper
-def _after_substep(k, cars, counters, world):
-    """Walls are met by the way of a whole control step."""
 
 
 @helper
@@ -140,7 +126,7 @@ def _lap(i, progress, block, counted, world, settings):
 @helper
 def _judge(k, cars, counters, world, settings, equipment, outcome):
     first = k * cars.shape[2]
-    last = min(first + cars.shape[2], counters.shape[1])
+    last = first + cars_in(k, cars, counters)
     for i in range(last - first):
         _judge_car(i, cars[k], counters[:, first:last], world, settings, outcome[:, first:last], world[0][3][k])
 
@@ -256,10 +242,7 @@ BETWEEN_WALLS = Family(
     name="between_walls",
     command_row=at.SERVO,
     outcome_rows=at.WALL_OUTCOME_ROWS,
-    begin=_begin,
     act=_act,
-    before_substep=_before_substep,
-    after_substep=_after_substep,
     still=_still,
     judge=_judge,
     report=_report,
