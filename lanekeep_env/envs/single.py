@@ -136,17 +136,16 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
             self._window = None
 
     def _info(self, told: list[float]) -> dict[str, Any]:
-        _, ended, _, lateral, heading, acceleration, rate, speed, station, cost, success, *_ = told
         info = {
-            "lateral_error": lateral,
-            "heading_error": heading,
-            "lateral_acceleration": acceleration,
-            "steering_rate": rate,
-            "speed": speed,
-            "arc_length": station,
-            "cost": cost,
-            "is_success": success > 0.0,
-            "termination": int(ended),
+            "lateral_error": told[at.O_LATERAL_ERROR],
+            "heading_error": told[at.O_HEADING_ERROR],
+            "lateral_acceleration": told[at.O_LATERAL_ACCELERATION],
+            "steering_rate": told[at.O_STEERING_RATE],
+            "speed": told[at.O_SPEED],
+            "arc_length": told[at.O_ARC_LENGTH],
+            "cost": told[at.O_COST],
+            "is_success": told[at.O_SUCCESS] > 0.0,
+            "termination": int(told[at.O_TERMINATED]),
         }
         for name, row in self.further:
             info[name] = told[row]

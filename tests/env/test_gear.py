@@ -188,7 +188,7 @@ def test_lane_keeping_has_the_same_gear(keywords):
 
 
 def test_without_a_gap_there_is_no_gear():
-    assert gym.make(CAMERA, vehicle={"base": "van", "steering": {"lag": LAG}}).unwrapped._core.gear is None
+    assert gym.make(CAMERA, vehicle={"base": "van", "steering": {"lag": LAG}}).unwrapped._core._gear() is None
 
 
 @pytest.mark.parametrize(
