@@ -96,7 +96,16 @@ ERROR = 70  # lateral, m
 TURNED = 71  # heading error, rad
 SCAN_NEW = 72  # 1 where the scan was renewed
 DIVERGED = 73  # 1 where the state is no number any more
-CAR_ROWS = 74  # further rows, as many as needed: commands (newest first), then the sensors' rows
+# On courses, which have tasks that follow each other, and parking spaces:
+MODE = 74  # ROUNDTRIP, OBSTACLES or PARK
+PARKED = 75  # control steps for which the car has stood inside a space
+SHARE = 76  # of the car that is inside a space
+KERB_DISTANCE = 77  # of the body from the kerb of that space, m; FARTHEST outside of any
+SPACE_AHEAD = 78  # middle of the world's longest space from the middle of the body, along the space's kerb, m ...
+SPACE_LEFT = 79  # ... and to the left
+SPACE_TURNED = 80  # heading minus that of the kerb, rad
+SPACE_LENGTH = 81  # m
+CAR_ROWS = 82  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the car (a uint64, reinterpreted)
@@ -167,7 +176,7 @@ SPEED_HOLD = 52  # control steps between set speeds, inf for one an episode
 SPEED_CHANGE = 53  # largest change of the speed in a sub-step, m/s
 STANDSTILL = 54  # share of set speeds that are 0
 # Of walled worlds:
-TASK = 55  # WALL_FOLLOW or CIRCUIT
+TASK = 55  # WALL_FOLLOW, CIRCUIT or PARKING
 SET_DISTANCE = 56  # m
 LARGEST_SPEED = 57  # that action 1 asks for, m/s; 0 where the set speed is drawn
 TICK = 58  # way of the wheel that is one tick of the encoder, m, 0 for a continuous one
@@ -237,6 +246,15 @@ I_START = 6  # first start
 I_STARTS = 7
 INDEX_SIZE = 8
 
+# course: numbers and spaces (SPACE_COLUMNS, all), index of a world's spaces (worlds, 3): first, behind the last, longest
+C_KERB = 0  # farthest that a parked car is from the kerb, m
+C_TURNED = 1  # largest angle of a parked car to the kerb, rad
+C_STEPS = 2  # that it has to stand
+C_SPEED = 3  # below which it stands, m/s
+C_MODES = 4  # number of modes; time (control steps) and mode of each follow
+S_X, S_Y, S_HEADING, S_LONG, S_DEEP = 0, 1, 2, 3, 4
+SPACE_COLUMNS = 5
+
 # drive: (numbers, timelines), or None without a powertrain; numbers in this order:
 D_PEAK_TORQUE = 0  # N m
 D_PEAK_SPEED = 1  # of the engine at it, rad/s
@@ -277,7 +295,8 @@ CAMERA_SIZE = 3
 # values of the switches
 STEERING_ANGLE, STEERING_RATE = 0, 1
 TERMINATE, COST, OFF = 0, 1, 2
-WALL_FOLLOW, CIRCUIT = 0, 1
+WALL_FOLLOW, CIRCUIT, PARKING = 0, 1, 2
+ROUNDTRIP, OBSTACLES, PARK = 0, 1, 2
 # Cost of a second on a circuit at most: twice that of standing still.
 LARGEST_CIRCUIT_COST = 2.0
 NO_AUTORESET, NEXT_STEP, SAME_STEP = 0, 1, 2
@@ -304,6 +323,11 @@ O_DISTANCE = 13  # of the wall on the right, m
 O_CLEARANCE = 14
 O_LAP_TIME = 15
 WALL_OUTCOME_ROWS = 16
+# On courses:
+O_MODE = 16
+O_SHARE = 17
+O_KERB_DISTANCE = 18
+COURSE_OUTCOME_ROWS = 19
 
 # start: (rows, n) float64; NaN means drawn by the episode's key
 START_ROWS = 4  # lateral error, heading error, arc length, road index

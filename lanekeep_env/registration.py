@@ -12,6 +12,8 @@ from lanekeep_env.scenario import (
     DriveScenario,
     EvasiveScenario,
     LaneKeepScenario,
+    ObstacleCircuitScenario,
+    ParallelParkScenario,
     ReversePathScenario,
     RoadWorksScenario,
     TurnOffScenario,
@@ -47,6 +49,8 @@ ENVIRONMENTS: dict[str, Row] = {
     "lanekeep/Drive-v0": Row(DriveScenario, "lanekeep_env.envs.drive:DriveEnv"),
     "lanekeep/WallFollow-v0": Row(WallFollowScenario, "lanekeep_env.envs.wall_follow:WallFollowEnv"),
     "lanekeep/Circuit-v0": Row(CircuitScenario, "lanekeep_env.envs.wall_follow:CircuitEnv"),
+    "lanekeep/ObstacleCircuit-v0": Row(ObstacleCircuitScenario, "lanekeep_env.envs.course:ObstacleCircuitEnv"),
+    "lanekeep/ParallelPark-v0": Row(ParallelParkScenario, "lanekeep_env.envs.course:ParallelParkEnv"),
 }
 
 

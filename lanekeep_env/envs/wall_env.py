@@ -45,3 +45,25 @@ class BetweenWalls(Skin):
 
 class WallEnv(BetweenWalls, SingleEnv):
     """One car between walls; subclasses name the task's scenario, and are its page of documentation."""
+
+
+class OnCourse(BetweenWalls):
+    """What environments with modes and parking spaces share, single or vector."""
+
+    further: ClassVar[tuple[tuple[str, int], ...]] = (
+        *BetweenWalls.further,
+        ("mode", at.O_MODE),
+        ("space_share", at.O_SHARE),
+        ("kerb_distance", at.O_KERB_DISTANCE),
+    )
+
+    @staticmethod
+    def make_cars(*arguments: Any) -> Any:
+        """Return the kernel's arrays; the arguments are those of `Cars`."""
+        from lanekeep_env.families.wall.course_cars import CourseCars
+
+        return CourseCars(*arguments)
+
+
+class CourseEnv(OnCourse, SingleEnv):
+    """One car on a course; subclasses name the task's scenario, and are its page of documentation."""

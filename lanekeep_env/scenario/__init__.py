@@ -2,6 +2,7 @@
 
 from lanekeep_env.scenario.base import INTEGRATION_STEP, Channel
 from lanekeep_env.scenario.camera import Camera, CameraLaneScenario, TurnOffScenario
+from lanekeep_env.scenario.course import CourseScenario, ObstacleCircuitScenario, ParallelParkScenario
 from lanekeep_env.scenario.drive import DriveScenario, Traffic
 from lanekeep_env.scenario.evasive import EvasiveScenario, ReversePathScenario
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario, RoadWorksScenario
@@ -16,9 +17,12 @@ __all__ = [
     "CameraLaneScenario",
     "Channel",
     "CircuitScenario",
+    "CourseScenario",
     "DriveScenario",
     "EvasiveScenario",
     "LaneKeepScenario",
+    "ObstacleCircuitScenario",
+    "ParallelParkScenario",
     "ReversePathScenario",
     "RoadScenario",
     "RoadWorksScenario",

@@ -72,7 +72,10 @@ class Scan:
 SCANS: dict[str, Scan] = {
     "none": Scan(),
     "perfect": Scan(beams=64, nearest=0.0),
+    # The columns of its image, all of them, without a fault.
+    "columns": Scan(beams=512, nearest=0.0),
     "kinect": Scan(beams=141, noise=0.002, missing_every=20, missing_rim=4, jump_errors=0.5),
+    "kinect-columns": Scan(beams=512, noise=0.002, missing_every=20, missing_rim=15, jump_errors=0.5),
 }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,19 +24,14 @@ from lanekeep_env.scenario.servo import Servo, servo_from
 from lanekeep_env.sensing.faults import WALL_SENSOR_SETS, SensorSets
 from lanekeep_env.sensing.ultrasonic import FARTHEST, ULTRASONICS
 from lanekeep_env.walls import Corridor, RandomCircuits, WorldRecord, world_from
+from lanekeep_env.walls.generators import range_of
 
 #: Largest angle of the road wheel, whatever it is told, rad.
 LARGEST_ANGLE = 1.5
 
 
-def range_from(name: str, value: Any) -> tuple[float, float]:
-    """Read bounds (low, high), or one number for both."""
-    low, high = value if isinstance(value, tuple | list) and len(value) == 2 else (value, value)
-    for bound in (low, high):
-        require(name, bound, "rad", at_least=-0.5, at_most=0.5)
-    if high < low:
-        raise ValueError(f"{name}={shown(value)} is not allowed: the bounds must be (low, high) with low <= high")
-    return float(low), float(high)
+def _offset(value: Any) -> tuple[float, float]:
+    return range_of("steering_offset", value, "rad", -0.5, 0.5)
 
 
 @dataclass(frozen=True)
@@ -94,7 +89,7 @@ class WallFollowScenario(CarScenario):
         "speed": set_speeds_from,
         "scan": scan_from,
         "servo": servo_from,
-        "steering_offset": partial(range_from, "steering_offset"),
+        "steering_offset": _offset,
     }
     _needs: ClassVar[tuple[Need, ...]] = (
         *CarScenario._needs,

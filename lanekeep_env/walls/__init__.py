@@ -2,6 +2,8 @@
 
 from lanekeep_env.walls.generators import Circuit, Corridor, Ell, RandomCircuits, Slalom, WorldRecord
 from lanekeep_env.walls.map_file import read_map
+from lanekeep_env.walls.obstacles import ObstacleCircuit, RandomObstacleCircuits
+from lanekeep_env.walls.parking import ParkingRow, RandomParkingRows
 from lanekeep_env.walls.specs import WORLDS, MapFile, world_from
 from lanekeep_env.walls.world import World, pack
 
@@ -11,7 +13,11 @@ __all__ = [
     "Corridor",
     "Ell",
     "MapFile",
+    "ObstacleCircuit",
+    "ParkingRow",
     "RandomCircuits",
+    "RandomObstacleCircuits",
+    "RandomParkingRows",
     "Slalom",
     "World",
     "WorldRecord",

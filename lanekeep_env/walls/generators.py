@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from lanekeep_env.checks import choose, plain_numbers, require
+from lanekeep_env.checks import choose, plain_numbers, require, shown
 from lanekeep_env.walls.shapes import bend_radius, outline, rectangle, rounded, with_windows
 from lanekeep_env.walls.world import Floats, World
 
@@ -20,7 +20,7 @@ END_SPACE = 1.0
 
 _NARROWEST = 0.5
 # Walls that a circuit goes round are at least this long, m.
-_SMALLEST_BLOCK = 0.5
+SMALLEST_BLOCK = 0.5
 
 
 class WorldRecord:
@@ -42,6 +42,16 @@ class WorldRecord:
     def build(self) -> tuple[World, ...]:
         """Return the worlds of the set."""
         raise NotImplementedError
+
+
+def range_of(name: str, value: Any, unit: str, least: float, most: float) -> tuple[float, float]:
+    """Read bounds (low, high), or one number for both, between ``least`` and ``most``."""
+    low, high = value if isinstance(value, tuple | list) and len(value) == 2 else (value, value)
+    for bound in (low, high):
+        require(name, bound, unit, at_least=least, at_most=most)
+    if high < low:
+        raise ValueError(f"{name}={shown(value)} is not allowed: the bounds must be (low, high) with low <= high")
+    return float(low), float(high)
 
 
 def _check_glass(record: Any) -> None:
@@ -175,7 +185,7 @@ class Circuit(WorldRecord):
     def __post_init__(self) -> None:
         require("world.corridor", self.corridor, "m", at_least=_NARROWEST, at_most=100.0)
         for name in ("length", "width"):
-            smallest = 2.0 * self.corridor + _SMALLEST_BLOCK
+            smallest = 2.0 * self.corridor + SMALLEST_BLOCK
             require(f"world.{name}", getattr(self, name), "m", at_least=smallest, at_most=10_000.0)
         if not isinstance(self.clockwise, bool):
             raise ValueError(f"world.clockwise={self.clockwise!r} is not allowed: it must be True or False")
@@ -224,7 +234,7 @@ class RandomCircuits(WorldRecord):
         require("world.count", self.count, "circuits", at_least=1, at_most=100_000, whole=True)
         require("world.narrowest", self.narrowest, "m", at_least=_NARROWEST, at_most=100.0)
         require("world.widest", self.widest, "m", at_least=self.narrowest, at_most=100.0)
-        require("world.shortest", self.shortest, "m", at_least=2.0 * self.narrowest + _SMALLEST_BLOCK, at_most=10_000.0)
+        require("world.shortest", self.shortest, "m", at_least=2.0 * self.narrowest + SMALLEST_BLOCK, at_most=10_000.0)
         require("world.longest", self.longest, "m", at_least=self.shortest, at_most=10_000.0)
         _check_glass(self)
         super().__post_init__()
@@ -235,7 +245,7 @@ class RandomCircuits(WorldRecord):
         worlds = []
         for k in range(self.count):
             length, width = rng.uniform(self.shortest, self.longest, 2)
-            widest = min(self.widest, 0.5 * (min(length, width) - _SMALLEST_BLOCK))
+            widest = min(self.widest, 0.5 * (min(length, width) - SMALLEST_BLOCK))
             corridor = rng.uniform(self.narrowest, max(widest, self.narrowest))
             seed = int(rng.integers(2**31))
             circuit = Circuit(length, width, corridor, k % 2 == 1, self.glass_share, seed)

@@ -11,6 +11,8 @@ from typing import Any, ClassVar
 from lanekeep_env.checks import from_mapping, nearest, require, shown
 from lanekeep_env.walls.generators import Circuit, Corridor, Ell, RandomCircuits, Slalom, WorldRecord
 from lanekeep_env.walls.map_file import MapContent
+from lanekeep_env.walls.obstacles import ObstacleCircuit, RandomObstacleCircuits
+from lanekeep_env.walls.parking import ParkingRow, RandomParkingRows
 from lanekeep_env.walls.world import START_CLEARANCE, World
 
 
@@ -62,7 +64,18 @@ class MapFile(WorldRecord):
         return (content.world((self.x, self.y, self.heading), self.unknown_is_wall, START_CLEARANCE),)
 
 
-_RECORDS = (Corridor, Ell, Slalom, Circuit, RandomCircuits, MapFile)
+_RECORDS = (
+    Corridor,
+    Ell,
+    Slalom,
+    Circuit,
+    RandomCircuits,
+    ObstacleCircuit,
+    RandomObstacleCircuits,
+    ParkingRow,
+    RandomParkingRows,
+    MapFile,
+)
 WORLDS: dict[str, type[WorldRecord]] = {record.kind: record for record in _RECORDS}
 
 

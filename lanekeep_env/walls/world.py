@@ -30,6 +30,8 @@ class World:
         start: x (m), y (m), heading (rad) of the poses that a car may start from, (k, 3).
         centre_line: points that a car passes if it is known where to go, m, (m, 2), or None.
         closed: whether the last point of the centre line leads back to the first.
+        spaces: parking spaces, (s, 5): x, y (m) of the corner at the kerb behind a car that is parked, direction of the
+            kerb on the car's right (rad), length along it and depth away from it (m), or None.
 
     Raises:
         ValueError: wrong shapes, numbers that are not finite, a wall without length.
@@ -41,6 +43,7 @@ class World:
     start: Floats
     centre_line: Floats | None = None
     closed: bool = False
+    spaces: Floats | None = None
 
     def __post_init__(self) -> None:
         self._set("segments", self.segments, np.float64, "(n, 4): x0, y0, x1, y1 in m", 4)
@@ -49,6 +52,8 @@ class World:
             self._set("centre_line", self.centre_line, np.float64, "(m, 2): x, y in m", 2)
             if len(self.centre_line) < 2:
                 raise ValueError(f"world {self.name!r}: centre_line has 1 point; at least 2 are needed")
+        if self.spaces is not None and len(self.spaces):
+            self._set("spaces", self.spaces, np.float64, "(s, 5): x, y in m, heading in rad, length, depth in m", 5)
         glass = np.array(self.glass, dtype=np.bool_)
         if glass.shape != (len(self.segments),):
             raise ValueError(f"world {self.name!r}: glass has shape {glass.shape}, allowed is ({len(self.segments)},)")

@@ -92,15 +92,19 @@ class WallCars(Cars):
                 f"dtype='float32' is not allowed for this world: walls lie {farthest:.0f} m from its origin, allowed "
                 f"are {LARGEST_FLOAT32:.0f} m; use float64, or an origin near the walls"
             )
-        if s.task == at.CIRCUIT and (index[:, at.I_POINTS] < 2).any():
+        if s.task != at.WALL_FOLLOW and (index[:, at.I_POINTS] < 2).any():
             raise ValueError("world has no centre line, so there is no lap to drive; allowed: generated worlds")
         blocks = len(self.cars)
         most = int((index[:, at.I_END] - index[:, at.I_FIRST]).max())
         scratch = np.zeros((blocks, SCRATCH_ROWS, most), dtype=self.dtype)
         self.ground, self.index = (walls, line, starts, scratch), index
         floor, servo = s.integration.lowered_floor, s.servo.table(s.largest_angle)
-        self.equipment = self.sensors, self._gear(), floor, servo, *self._scan(scratch)
+        self.equipment = self._equip(self.sensors, self._gear(), floor, servo, *self._scan(scratch))
         self._bind_kernels()
+
+    def _equip(self, *parts: np.ndarray | None) -> tuple[np.ndarray | None, ...]:
+        """The kernel's equipment: what all cars between walls have, to which a kind of course may add."""
+        return parts
 
     def _scan(self, scratch: np.ndarray) -> tuple[np.ndarray | None, ...]:
         """The scan's numbers, beams, scratch arrays and the ranges shown last, or None for each without a scan."""

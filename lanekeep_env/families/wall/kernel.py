@@ -128,11 +128,11 @@ def _judge(k, cars, counters, world, settings, equipment, outcome):
     first = k * cars.shape[2]
     last = first + cars_in(k, cars, counters)
     for i in range(last - first):
-        _judge_car(i, cars[k], counters[:, first:last], world, settings, outcome[:, first:last], world[0][3][k])
+        judge_car(i, cars[k], counters[:, first:last], world, settings, outcome[:, first:last], world[0][3][k])
 
 
 @helper
-def _judge_car(i, block, counted, world, settings, outcome, scratch):
+def judge_car(i, block, counted, world, settings, outcome, scratch):
     """Contact, progress, sensors' truth, reward and flags of car i after its sub-steps."""
     (walls, _, _, _), index = world
     which = counted[at.ROAD, i]
@@ -179,7 +179,7 @@ def _judge_car(i, block, counted, world, settings, outcome, scratch):
 
 
 @helper
-def _report(k, first, last, cars, settings, outcome):
+def report_cars(k, first, last, cars, settings, outcome):
     """Copy the truth that a state decides; on a circuit a success is a lap, or as many as are asked for."""
     block, told = cars[k], outcome[:, k * cars.shape[2] :]
     zero, one, far = like(settings[0], 0.0), like(settings[0], 1.0), like(settings[0], FARTHEST)
@@ -190,6 +190,7 @@ def _report(k, first, last, cars, settings, outcome):
         told[at.O_SPEED, i] = block[at.SPEED, i]
         told[at.O_ARC_LENGTH, i] = block[at.STATION, i]
         misses = settings[at.TASK] == at.CIRCUIT and block[at.LAPS_DONE, i] < settings[at.LAPS]
+        misses |= settings[at.TASK] == at.PARKING and block[at.PARKED, i] < settings[at.LAPS]
         told[at.O_SUCCESS, i] = zero if misses else one - block[at.DEPARTED, i]
         told[at.O_X, i] = block[at.ALONG, i]
         told[at.O_Y, i] = block[at.LATERAL, i]
@@ -205,7 +206,7 @@ def _observe(span, cars, counters, world, settings, equipment, observation):
     begin = k * cars.shape[2]
     block, counted, seen = cars[k], counters[:, begin:], observation[begin:]
     sensors, numbers = equipment[0], equipment[4]
-    _see_walls(span, cars, counters, world, settings, numbers, equipment[4:], observation)
+    _see_walls(span, cars, counters, world, settings, numbers, equipment[4:9], observation)
     gather(first, last, block, settings, seen)
     for i in range(first, last):
         measure(i, block, counted, settings, sensors, seen)
@@ -232,7 +233,7 @@ def _see_walls(span, cars, counters, world, settings, numbers, scan, observation
 
 
 @helper
-def _start(place, wanted, cars, counters, world, settings, equipment):
+def start_car(place, wanted, cars, counters, world, settings, equipment):
     start_between_walls(place, wanted, cars, counters, world, settings, equipment)
     k, i = place
     _follow_line(i, cars[k], counters[:, k * cars.shape[2] :], world, settings)
@@ -245,7 +246,7 @@ BETWEEN_WALLS = Family(
     act=_act,
     still=_still,
     judge=_judge,
-    report=_report,
+    report=report_cars,
     observe=_observe,
-    start=_start,
+    start=start_car,
 )
