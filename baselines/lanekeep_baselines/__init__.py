@@ -50,6 +50,7 @@ _POLICIES = {
     "lq-preview-offset-free": "lq:LqPreviewOffsetFree",
     "lqg": "lq:LinearQuadraticGaussian",
     "knightriders-circuit": "knightriders_circuit:KnightRidersCircuit",
+    "knightriders-park": "knightriders_park:KnightRidersPark",
 }
 
 

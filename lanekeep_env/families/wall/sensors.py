@@ -48,7 +48,14 @@ def touch(i, block, walls, span, settings, scratch):
     measure_clearance(i, block, walls, span, settings, scratch)
     before = _body(block[at.BEFORE_X, i], block[at.BEFORE_Y, i], block[at.BEFORE_HEADING, i], settings)
     after = _body(block[at.ALONG, i], block[at.LATERAL, i], block[at.HEADING, i], settings)
-    return sweeps(before, after, (settings[at.BODY_HALF_LENGTH], settings[at.BODY_HALF_WIDTH]), walls, span, scratch)
+    half_length, half_width = settings[at.BODY_HALF_LENGTH], settings[at.BODY_HALF_WIDTH]
+    # No point of the body came farther than this, twice over for the bulge of its way: the sweep costs most of a step.
+    moved = abs(after[0] - before[0]) + abs(after[1] - before[1])
+    turned = abs(after[2] - before[2]) + abs(after[3] - before[3])
+    reach = moved + turned * (half_length + half_width)
+    if block[at.CLEARANCE, i] > reach + reach:
+        return False
+    return sweeps(before, after, (half_length, half_width), walls, span, scratch)
 
 
 @helper
