@@ -51,6 +51,7 @@ _POLICIES = {
     "lqg": "lq:LinearQuadraticGaussian",
     "knightriders-circuit": "knightriders_circuit:KnightRidersCircuit",
     "knightriders-park": "knightriders_park:KnightRidersPark",
+    "knightriders-park-published": "knightriders_park_published:KnightRidersParkPublished",
 }
 
 

@@ -88,7 +88,7 @@ class KnightRidersPark(DrivingPolicy):
     """`knightriders-park`: a gap that is long enough, then arc, straight and arc in reverse."""
 
     name = "knightriders-park"
-    reads = ("distance_right", "yaw_rate", "speed", "steering_command", "mode")
+    reads = ("distance_right", "distance_front", "yaw_rate", "speed", "steering_command", "mode")
 
     #: Speeds along the row, and back, m/s.
     SLOW, BACK = 0.3, 0.25
@@ -106,6 +106,8 @@ class KnightRidersPark(DrivingPolicy):
     KEPT: ClassVar[float] = float(np.deg2rad(0.3))
     #: The car turns towards the row's direction by so much a metre and radian.
     STRAIGHTEN: ClassVar[float] = 2.0
+    #: From a wall ahead where the car stops, m, and how it brakes before it, m/s².
+    STOP, BRAKE = 0.15, 0.5
     #: Heading at which the last arc is done, rad, and how far from the line at most, m.
     DONE: ClassVar[float] = float(np.deg2rad(0.5))
     #: Beside noise, m, what a reading may be off the expected one and still be of the same wall.
@@ -117,7 +119,7 @@ class KnightRidersPark(DrivingPolicy):
         super().__init__(scenario)
         car = scenario.vehicle
         self._car = WallCar(car.wheelbase, 0.5 * car.wheelbase, scenario.control_step)
-        self._limit = scenario.max_steering_angle
+        self._limit = min(scenario.max_steering_angle, car.steering.angle_limit or np.inf)
         self._length, self._half_width = car.length, 0.5 * car.width
         self._overhang = 0.5 * (car.length - car.wheelbase)
         # The filter hears, where the rear axle is now, what the sensor said there: only then is it known whether that
@@ -145,7 +147,8 @@ class KnightRidersPark(DrivingPolicy):
         kerb = np.where(listens, known[:, 0], now.kerb + way * np.sin(middle))
         now = now._replace(speed=at["speed"], place=now.place + way * np.cos(middle), kerb=kerb)
         now = self._measure(right, known, now)
-        steering, speed, now = self._drive(known, now)
+        front = np.where(at["distance_front"] > 0.0, at["distance_front"], FARTHEST)
+        steering, speed, now = self._drive(known, front, now)
         moves = (at["speed"] > 0.5 * self.SLOW)[:, None]
         heard = np.where(moves, np.concatenate([heard[:, 1:], right[:, None]], axis=1), heard)
         return np.stack([steering, speed], axis=1), np.concatenate([known, heard, np.stack(now, axis=1)], axis=1)
@@ -237,7 +240,7 @@ class KnightRidersPark(DrivingPolicy):
             reach - np.maximum(offset, 0.0)
         )
 
-    def _drive(self, known: Floats, now: Search) -> tuple[Floats, Floats, Search]:
+    def _drive(self, known: Floats, front: Floats, now: Search) -> tuple[Floats, Floats, Search]:
         """Return steering, speed and what is remembered next."""
         heading, offset, phase = known[:, 1], known[:, 2], now.phase
         step = np.abs(now.speed) * self._car.step
@@ -274,4 +277,7 @@ class KnightRidersPark(DrivingPolicy):
             phase.astype(np.intp),
             [self.SLOW + 0.0 * left, ahead, -self.BACK + 0.0 * left, -self.BACK + 0.0 * left, back, 0.0 * left],
         )
+        # Before a wall the car stops.
+        stops = np.sqrt(2.0 * self.BRAKE * np.maximum(front - self.STOP, 0.0))
+        speed = np.where(phase <= AHEAD, np.minimum(speed, stops), speed)
         return steering, np.minimum(speed, self._fastest), now._replace(phase=phase)
