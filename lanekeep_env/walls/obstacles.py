@@ -39,7 +39,9 @@ class ObstacleCircuit(Circuit):
     def __post_init__(self) -> None:
         object.__setattr__(self, "boxes", boxes_from(self.boxes))
         super().__post_init__()
-        if len(self.gaps):
+        if self.gaps in ((), []):
+            object.__setattr__(self, "gaps", ())
+        else:
             row = ParkingRow(self.gaps, street=max(self.corridor, 1.0))
             object.__setattr__(self, "gaps", row.gaps)
             inside = self.length - 2.0 * self.corridor

@@ -24,6 +24,8 @@ from lanekeep_env.scenario import (
     DriveScenario,
     EvasiveScenario,
     LaneKeepScenario,
+    ObstacleCircuitScenario,
+    ParallelParkScenario,
     ReversePathScenario,
     WallFollowScenario,
 )
@@ -151,6 +153,29 @@ IN_A_CIRCUIT = {
     "max_acceleration": [1.0],
     "laps": [2],
 }
+AMONG_OBSTACLES = {
+    **IN_A_CIRCUIT,
+    "world": [
+        {"kind": "obstacle-circuit", "boxes": [(3.0, -2.6, 0.3, 0.3, 0.2)]},
+        {"kind": "random-obstacle-circuits", "count": 3, "glass_share": 0.2},
+    ],
+    "scan": ["kinect", {"beams": 9, "noise": 0.02, "jump_errors": 0.5, "period": 0.09}],
+    "modes": ["roundtrip", [(0.0, "roundtrip"), (0.9, "obstacles")]],
+    **{key: [] for key in ("kerb_distance", "parking_angle", "parking_time")},
+}
+INTO_A_SPACE = {
+    **AMONG_OBSTACLES,
+    "world": [
+        {"kind": "parking-row", "gaps": (0.5, 1.3)},
+        {"kind": "random-parking-rows", "count": 3},
+        {"kind": "obstacle-circuit", "gaps": (0.6, 1.2)},
+    ],
+    "modes": [[(0.0, "roundtrip"), (0.9, "park")]],
+    "laps": [],
+    "kerb_distance": [0.1],
+    "parking_angle": [0.05],
+    "parking_time": [1.0],
+}
 FOLLOWING = {**BETWEEN_WALLS, "encoder_direction": []}  # nothing else has an effect
 #: Every option of a scenario, and of those that have only other defaults, with values beside its default.
 TABLES = {
@@ -158,6 +183,8 @@ TABLES = {
     CameraLaneScenario: BY_CAMERA,
     WallFollowScenario: FOLLOWING,
     CircuitScenario: IN_A_CIRCUIT,
+    ObstacleCircuitScenario: AMONG_OBSTACLES,
+    ParallelParkScenario: INTO_A_SPACE,
     EvasiveScenario: EVASIVE,
     ReversePathScenario: BACKING_UP,
     DriveScenario: DRIVING,
