@@ -79,7 +79,7 @@ def test_what_is_no_corner(rule):
         "no end": [[(0.0, beside), (5.0, beside)]],
         "slanted": [[(0.0, -0.9), (1.7, -0.1)]],
         "far": [[(0.0, -1.6), (4.0, -1.6)]],
-        "no space": [[(0.0, beside), (1.7, beside)], [(1.95, beside), (5.0, beside)]],
+        "no space": [[(0.0, beside), (1.7, beside)], [(2.05, -1.0), (2.05, 0.0)]],
     }
     for name, walls in scenes.items():
         assert not right_corner(seen_points(cast(*walls, ahead), rule), rule).found, name
