@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scan_oracle import FARTHEST, VIEW, box, cast, wall
+from scan_oracle import VIEW, box, cast, wall
 
 from lanekeep_baselines.scan_classes import IMPROVED, NOTHING, OBSTACLE, PUBLISHED, WALL, Perception, Seen, classify
-from lanekeep_baselines.scan_points import beam_step, points
+from lanekeep_baselines.scan_points import points
+from lanekeep_env.scenario import Scan
 
-STEP = beam_step(141, VIEW)
+CAMERA = Scan(beams=141)
 BOTH = pytest.mark.parametrize("rule", [PUBLISHED, IMPROVED], ids=["published", "improved"])
 
 
 def look(raw: np.ndarray, rule: Perception) -> Seen:
-    return classify(points(rule.ranges(raw, FARTHEST), -0.5 * VIEW, STEP), STEP, rule)
+    return classify(rule.points(raw, CAMERA), CAMERA, rule)
 
 
 @BOTH
@@ -54,7 +55,7 @@ def test_a_wall_is_at_least_half_a_metre_long_to_either_side(rule, length, kind)
     angle = np.deg2rad(30.0)
     raw = cast(wall(0.9, angle, right=3.0, left=length), wall(5.0, np.pi / 2))
     start = look(raw, rule).hit
-    place = points(raw, -0.5 * VIEW, STEP)[0, start[0]]
+    place = points(raw, -0.5 * VIEW, CAMERA.step)[0, start[0]]
     beyond = length - (place[0] - 0.9) * np.cos(angle) - place[1] * np.sin(angle)
     assert look(raw, rule).kind == (WALL if beyond > 0.5 else OBSTACLE)
     moved = length + (0.5 - beyond) + (0.05 if kind == WALL else -0.05)

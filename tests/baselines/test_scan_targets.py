@@ -5,24 +5,25 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from scan_oracle import FARTHEST, VIEW, box, cast, wall
+from scan_oracle import VIEW, box, cast, wall
 
 from lanekeep_baselines import path_planning as planning
 from lanekeep_baselines import scan_glass as glass
 from lanekeep_baselines.path_clearance import Body, aside, clearance
 from lanekeep_baselines.scan_classes import IMPROVED, NOTHING, PUBLISHED, WALL, Perception, classify
 from lanekeep_baselines.scan_corners import right_corner
-from lanekeep_baselines.scan_points import beam_step, points
 from lanekeep_baselines.scan_targets import ASIDE, jump_point
+from lanekeep_env.scenario import Scan
 
-STEP = beam_step(141, VIEW)
+CAMERA = Scan(beams=141)
+STEP = CAMERA.step
 BOTH = pytest.mark.parametrize("rule", [PUBLISHED, IMPROVED], ids=["published", "improved"])
 #: The report's car at 22 degrees, nose 0.441 m ahead of the rear axle.
 CAR = Body(0.441, 0.091, 0.1325, 0.35 / np.tan(np.deg2rad(22.0)), 0.35 / np.tan(np.deg2rad(22.0)))
 
 
 def seen_points(raw: np.ndarray, rule: Perception) -> np.ndarray:
-    return points(rule.ranges(raw, FARTHEST), -0.5 * VIEW, STEP)
+    return rule.points(raw, CAMERA)
 
 
 @BOTH
@@ -94,7 +95,7 @@ def test_glass_is_heard_and_not_seen():
     heard = np.array([0.9, shown[0] - 0.05, 0.0, np.nan])
     found = glass.is_glass(heard, shown)
     np.testing.assert_array_equal(found, [True, False, False, False])
-    seen = classify(seen_points(raw, IMPROVED), STEP, IMPROVED)
+    seen = classify(seen_points(raw, IMPROVED), CAMERA, IMPROVED)
     assert seen.kind == NOTHING
     assert glass.with_glass(seen, found[:1], heard[:1], IMPROVED).kind == WALL
     assert glass.with_glass(seen, found[1:2], heard[1:2], IMPROVED).kind == NOTHING
