@@ -30,7 +30,8 @@ class Perception:
     """How a scan is read. The report leaves box, step and jump limits open: those are decisions.
 
     Attributes:
-        window: beams of the median; bridge: lost beams in a row that are put in from their neighbours.
+        window: beams of the median; bridge: lost beams in a row that are put in from their neighbours, at a rim
+            twice as many.
         box_ahead, box_side: the detection box ahead of the nose and to either side, m.
         neighbours: points beside the hit that have to be in the box as well.
         step_limit, step_slope: largest change of the range from beam to beam on one surface, m, and what is added to it
@@ -66,12 +67,12 @@ class Perception:
 
 #: As in the report.
 PUBLISHED = Perception()
-#: Small obstacles stay, single lost beams say nothing, a slope may be steep where beams are far apart (4 times their
-#: distance: 76 degrees), a wall goes on where it is too near to be seen, and the box is as wide as the body with 0.1 m
+#: Small obstacles stay, single lost beams say nothing, a slope may be steep where beams are far apart (8 times their
+#: distance: 83 degrees), a wall goes on where it is too near to be seen, and the box is as wide as the body with 0.1 m
 #: beside it and long enough for an S-curve.
 IMPROVED = Perception(
-    window=5, bridge=4, box_ahead=1.2, box_side=0.235, neighbours=1, step_limit=0.06, step_slope=4.0, shortest=0.5, blind=0.15,
-    looks=3, fitted=True, span=2, free=0.465,
+    window=5, bridge=4, box_ahead=1.2, box_side=0.235, neighbours=1, step_limit=0.06, step_slope=8.0, shortest=0.5,
+    blind=0.15, looks=3, fitted=True, span=2, free=0.465,
 )  # fmt: skip
 
 

@@ -17,18 +17,27 @@ from lanekeep_baselines.scan_classes import NOTHING, WALL, Perception, Seen
 NEARER, SIDEWARDS = 0.15, float(np.deg2rad(20.0))
 
 
-def shown_ahead(ranges: ArrayLike, angles: Floats, half_cone: float) -> Floats:
+def shown_ahead(ranges: ArrayLike, angles: ArrayLike, half_cone: float) -> Floats:
     """Return the nearest range inside the front ultrasonic's cone, m, inf where all beams show nothing."""
     inside = np.abs(angles) <= half_cone
     known = np.asarray(ranges, dtype=np.float64)
     return np.where(inside & (known > 0.0), known, np.inf).min(axis=1)
 
 
-def shown_beside(ranges: ArrayLike, angles: Floats, side: float) -> Floats:
+def shown_beside(ranges: ArrayLike, angles: ArrayLike, side: float) -> Floats:
     """Return the least distance across to points towards a side (1 left, -1 right), m, inf where none is shown."""
     known = np.asarray(ranges, dtype=np.float64)
-    towards = (side * angles >= SIDEWARDS) & (known > 0.0)
+    towards = (side * np.asarray(angles) >= SIDEWARDS) & (known > 0.0)
     return np.where(towards, np.where(towards, known, 0.0) * np.abs(np.sin(angles)), np.inf).min(axis=1)
+
+
+def echo_of_side(beside: ArrayLike, half_cone: float) -> Floats:
+    """Return how far off the front ultrasonic hears a wall that a side one hears ``beside`` the car, m, inf without.
+
+    Glass beside the car is none ahead: the front sensor's cone meets a wall along the car at its rim.
+    """
+    distance = np.asarray(beside, dtype=np.float64)
+    return np.where(distance > 0.0, distance / np.sin(half_cone), np.inf)
 
 
 def is_glass(heard: ArrayLike, shown: Floats) -> NDArray[np.bool_]:

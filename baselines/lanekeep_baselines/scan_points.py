@@ -31,14 +31,15 @@ def bridged(ranges: ArrayLike, farthest: float, gap: int) -> Floats:
     """Return the ranges with up to ``gap`` lost beams in a row as their neighbours say, the largest in longer rows.
 
     Between neighbours the inverse of the range is linear, which it is on a straight wall as far as the angle's cosine
-    is 1; at a rim all are the nearest that shows something.
+    is 1; at a rim up to twice ``gap`` beams are the nearest that shows something.
     """
     shown = np.asarray(ranges, dtype=np.float64)
     known = (shown > 0.0) & (shown <= farthest)
     beams = np.arange(shown.shape[1])
     before = np.maximum.accumulate(np.where(known, beams, -1), axis=1)
     after = np.minimum.accumulate(np.where(known, beams, len(beams))[:, ::-1], axis=1)[:, ::-1]
-    short = (after - before - 1 <= gap) & (after - before - 1 < len(beams))
+    lost, at_rim = after - before - 1, (before < 0) | (after == len(beams))
+    short = (lost <= np.where(at_rim, 2 * gap, gap)) & (lost < len(beams))
     inverse = 1.0 / np.where(known, shown, farthest)
     right = np.where(before < 0, after, before).clip(0, len(beams) - 1)
     left = np.where(after == len(beams), before, after).clip(0, len(beams) - 1)

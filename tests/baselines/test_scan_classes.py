@@ -70,6 +70,16 @@ def test_what_the_published_reading_misses():
     assert look(masked, PUBLISHED).kind == NOTHING and look(masked, IMPROVED).kind == OBSTACLE
 
 
+def test_a_wall_too_near_to_be_seen_at_one_side_goes_on_there():
+    raw = cast(wall(0.62, np.deg2rad(50.0)), wall(4.0, np.pi / 2))
+    raw[raw < CAMERA.nearest] = 0.0
+    assert raw[0, 0] == 0.0
+    raw[:, -6:] = 0.0  # lost at the rim
+    seen = look(raw, IMPROVED)
+    assert seen.kind == WALL and seen.angle == pytest.approx(np.deg2rad(50.0), abs=np.deg2rad(0.5))
+    assert look(raw, PUBLISHED).kind == OBSTACLE
+
+
 def test_least_squares_bear_noise_better_than_the_ends():
     random, errors = np.random.default_rng(1), {}
     true = np.deg2rad(50.0)

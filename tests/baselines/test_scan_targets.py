@@ -102,6 +102,12 @@ def test_glass_is_heard_and_not_seen():
     assert glass.shown_beside(raw, angles, -1.0) == pytest.approx(0.5)
     assert glass.is_glass(0.5, glass.shown_beside(raw, angles, 1.0)) and np.isinf(glass.shown_ahead(0 * raw, angles, 1))
     assert not glass.is_glass(0.5, glass.shown_beside(raw, angles, -1.0))
+    # A glass wall beside the car is heard ahead where the cone's rim meets it, and is none ahead.
+    at_rim = shapely.LineString([(0.0, -0.4), (9.0, -0.4)]).intersection(
+        shapely.LineString([(0.0, 0.0), (9.0 * np.cos(cone), -9.0 * np.sin(cone))])
+    )
+    echo = glass.echo_of_side(np.array([0.4, 0.0]), cone)
+    assert echo[0] == pytest.approx(np.hypot(at_rim.x, at_rim.y)) and np.isinf(echo[1])
 
 
 def test_clearance_is_shapely_s_distance_to_the_swept_body():

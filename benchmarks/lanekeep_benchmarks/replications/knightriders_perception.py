@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.scan_classes import IMPROVED, KINDS, PUBLISHED, Perception, Seen, classify
-from lanekeep_baselines.scan_glass import is_glass, shown_ahead, with_glass
+from lanekeep_baselines.scan_glass import echo_of_side, is_glass, shown_ahead, with_glass
 from lanekeep_benchmarks.replications import knightriders_perception_plots as plots
 from lanekeep_benchmarks.replications.knightriders_scenes import CAMERA, CASES, FIRST, Scenes, draw
 from lanekeep_benchmarks.replications.record import Replication, Table
@@ -23,7 +23,8 @@ def judged(scenes: Scenes, rule: Perception) -> Seen:
     if rule is PUBLISHED:
         return seen
     angles = FIRST + CAMERA.step * np.arange(CAMERA.beams)
-    glass = is_glass(scenes.heard, shown_ahead(scenes.ranges, angles, HALF_CONE))
+    beside = echo_of_side(scenes.beside, HALF_CONE).min(axis=0)
+    glass = is_glass(scenes.heard, np.minimum(shown_ahead(scenes.ranges, angles, HALF_CONE), beside))
     return with_glass(seen, glass, scenes.heard, rule)
 
 

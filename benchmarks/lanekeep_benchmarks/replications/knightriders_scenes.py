@@ -20,20 +20,23 @@ from lanekeep_env.walls.raycast import SCRATCH_ROWS, beam_table, cast_many
 #: The camera, perfect: the faults are drawn by scene.
 CAMERA = Scan(beams=141)
 FIRST = -0.5 * CAMERA.field_of_view
-#: Of the published detection box, which what is in the way overlaps by 2 cm at the least and what is not keeps 2 cm off.
+#: Of the published detection box: what is in the way overlaps it by 2 cm at the least, what is not keeps 2 cm off.
 SIDE, AHEAD = 0.25, 1.0
 #: Half the width of the way that the improved box covers, and how far ahead both look at the least and at the most.
 WAY, SURELY, HARDLY = 0.235, 0.95, 1.3
 CASES = ("plain", "rim of the box", "glass", "slanted under 8°", "beside or behind")
+#: The side ultrasonics are so far behind the nose.
+BEHIND = 0.25
 _BEAMS_OF_CONE = 181
 
 
 @dataclass(frozen=True)
 class Scenes:
-    """``ranges`` (n, beams) with 0 or NaN where nothing is shown, what the front ultrasonic hears (n,), truth and case."""
+    """Scans (n, beams), 0 or NaN where nothing is shown, what is heard ahead and beside (2, n), truth and case, (n,)."""
 
     ranges: Floats
     heard: Floats
+    beside: Floats
     truth: NDArray[np.int64]
     case: NDArray[np.int64]
 
@@ -41,17 +44,25 @@ class Scenes:
 def draw(count: int, seed: int) -> Scenes:
     """Return that many scenes."""
     random = np.random.default_rng(seed)
-    ranges, heard = np.empty((count, CAMERA.beams)), np.empty(count)
+    ranges, heard, beside = np.empty((count, CAMERA.beams)), np.empty(count), np.empty((2, count))
     truth, case = random.integers(0, 3, count), np.empty(count, dtype=np.int64)
     for i in range(count):
         make = {NOTHING: _nothing, WALL: _wall, OBSTACLE: _obstacle}[int(truth[i])]
         case[i], solid, glass = make(random)
-        sides = _corridor(random)
-        ranges[i] = with_faults(cast(solid + sides), random)
-        # The cone's nearest echo, of the glass as well; what it hears beyond 6 m is nothing.
-        cone = cast(solid + glass + sides, _BEAMS_OF_CONE, HALF_CONE)
-        heard[i] = cone.min() * (1.0 + 0.005 * random.standard_normal())
-    return Scenes(ranges, heard, truth, case)
+        seen, unseen = _corridor(random)
+        solid, glass = solid + seen, glass + unseen
+        ranges[i] = with_faults(cast(solid), random)
+        heard[i] = echo(solid + glass, 0.0, random)
+        beside[:, i] = [echo(solid + glass, side * 0.5 * np.pi, random, BEHIND) for side in (-1.0, 1.0)]
+    return Scenes(ranges, heard, beside, truth, case)
+
+
+def echo(walls: list[Floats], direction: float, random: np.random.Generator, behind: float = 0.0) -> float:
+    """Return what an ultrasonic ``behind`` the nose hears, m: the nearest part of a wall inside its cone."""
+    cosine, sine = np.cos(direction), np.sin(direction)
+    turn = np.array([[cosine, -sine], [sine, cosine]])
+    turned = [((wall.reshape(2, 2) + [behind, 0.0]) @ turn).ravel() for wall in walls]
+    return float(cast(turned, _BEAMS_OF_CONE, HALF_CONE).min() * (1.0 + 0.005 * random.standard_normal()))
 
 
 def cast(walls: list[Floats], beams: int = CAMERA.beams, half_view: float = -FIRST) -> Floats:
@@ -65,7 +76,7 @@ def cast(walls: list[Floats], beams: int = CAMERA.beams, half_view: float = -FIR
 
 
 def with_faults(ranges: Floats, random: np.random.Generator) -> Floats:
-    """Return a scan with noise, errors beside jumps, lost beams (regular, at the rims, single) and the camera's range."""
+    """Return a scan with noise, errors beside jumps and lost beams: regular, at the rims, single, out of range."""
     beams = np.arange(len(ranges))
     step = np.append(np.diff(ranges), 0.0)
     shifted = (np.abs(step) > 0.3) & (random.random(len(ranges)) < 0.5)
@@ -94,10 +105,14 @@ def box(ahead: float, left: float, length: float, width: float, angle: float = 0
 Found = tuple[int, list[Floats], list[Floats]]
 
 
-def _corridor(random: np.random.Generator) -> list[Floats]:
-    right, left, end = random.uniform(0.6, 1.5), random.uniform(0.6, 1.5), random.uniform(3.0, 8.0)
-    walls = [(-0.5, -right, end, -right), (-0.5, left, end, left), (end, -2.0, end, 2.0)]
-    return [np.array(wall) for wall in walls]
+def _corridor(random: np.random.Generator) -> tuple[list[Floats], list[Floats]]:
+    """Return a corridor's walls that the camera sees, and those of glass: one in seven sides."""
+    right, left, end = random.uniform(0.4, 1.5), random.uniform(0.4, 1.5), random.uniform(3.0, 8.0)
+    sides = [(-1.5, -right, end, -right), (-1.5, left, end, left)]
+    glass = random.random(2) < 1.0 / 7.0
+    walls = [np.array(side) for side, unseen in zip(sides, glass, strict=True) if not unseen]
+    panes = [np.array(side) for side, unseen in zip(sides, glass, strict=True) if unseen]
+    return [*walls, np.array([end, -2.0, end, 2.0])], panes
 
 
 def _crossing(random: np.random.Generator, angle: float) -> float:
