@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.scan_classes import Perception
-from lanekeep_baselines.scan_targets import free_beside
+from lanekeep_baselines.scan_targets import free_beside, jumps
+from lanekeep_env.scenario import Scan
 
 #: Length of the wall, m (the report's).
 SHORTEST, LONGEST = 0.75, 2.0
@@ -29,20 +30,20 @@ class Corner(NamedTuple):
     found: NDArray[np.bool_]
 
 
-def right_corner(points: Floats, rule: Perception) -> Corner:
-    """Return the corner in points (n, beams, 2), from right to left."""
-    half = points[:, : (points.shape[1] + 1) // 2]
+def right_corner(place: Floats, camera: Scan, rule: Perception) -> Corner:
+    """Return the corner in the points (n, beams, 2) of a camera's scan."""
+    half = place[:, : (place.shape[1] + 1) // 2]
     ahead, across = half[..., 0] - half[:, :1, 0], half[..., 1] - half[:, :1, 1]
     length = np.hypot(ahead, across)
-    longer = np.diff(np.hypot(half[..., 0], half[..., 1]), axis=1)
     beams = np.arange(half.shape[1])
-    end = np.where(longer > rule.jump, beams[:-1], len(beams)).min(axis=1)
+    end = np.where(jumps(half, camera, rule)[0], beams, len(beams)).min(axis=1)
     last = np.minimum(end, len(beams) - 1)
     on_wall = np.abs(across) <= SLOPE * np.maximum(ahead, 0.0) + SPREAD
     straight = np.all(on_wall | (beams > last[:, None]), axis=1)
     reached = np.take_along_axis(length, last[:, None], axis=1)[:, 0]
-    found = (end < len(beams) - 1) & (-half[:, 0, 1] <= BESIDE) & straight
+    found = (end < len(beams)) & (-half[:, 0, 1] <= BESIDE) & straight
     found &= (reached >= SHORTEST) & (reached <= LONGEST)
-    found &= free_beside(points, last, np.ones(len(points)), rule.free)
-    place = np.take_along_axis(half, last[:, None, None], axis=1)[:, 0]
-    return Corner(np.where(found, place[:, 0], 0.0), np.where(found, place[:, 1], 0.0), found)
+    found &= free_beside(place, last, 1.0, rule)
+    end_place = np.take_along_axis(half, last[:, None, None], axis=1)[:, 0]
+    to_end, to_left = np.where(found, end_place.T, 0.0)
+    return Corner(to_end, to_left, found)

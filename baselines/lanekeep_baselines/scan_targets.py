@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.scan_classes import Perception
+from lanekeep_env.scenario import Scan
 
 #: Jump points count up to here, and the published target is so far to their side, m (the report's). The latter leaves
 #: 6.8 cm to a body of 0.265 m along the straight, and less where the body swings.
@@ -39,33 +40,39 @@ class JumpPoint(NamedTuple):
         return self.ahead, self.left + np.where(self.found, self.side * np.asarray(aside, dtype=np.float64), 0.0)
 
 
-def jump_points(points: Floats, rule: Perception) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which points (n, beams, 2) end at a jump and are nearer than `NEAR`: to pass on their left, right."""
-    ranges = np.hypot(points[..., 0], points[..., 1])
-    left, right = np.zeros(ranges.shape, dtype=bool), np.zeros(ranges.shape, dtype=bool)
-    wider = ranges[:, rule.span :] - ranges[:, : -rule.span]
-    left[:, : -rule.span] = wider > rule.jump
-    right[:, rule.span :] = wider < -rule.jump
-    # Of the beams whose jump is the same one the last before it is the point.
-    for k in range(1, rule.span):
-        left[:, :-k] &= ~(left[:, k:] & (ranges[:, k:] <= ranges[:, :-k] + rule.step_limit))
-        right[:, k:] &= ~(right[:, :-k] & (ranges[:, :-k] <= ranges[:, k:] + rule.step_limit))
-    return left & (ranges < NEAR), right & (ranges < NEAR)
+def jumps(place: Floats, camera: Scan, rule: Perception) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which points (n, beams, 2) have a jump beside them to what is farther: on their left, on their right."""
+    ranges = np.hypot(place[..., 0], place[..., 1])
+    left = _rises(ranges, camera.step, rule)
+    return left, _rises(ranges[:, ::-1], camera.step, rule)[:, ::-1]
 
 
-def free_beside(points: Floats, beam: NDArray[np.int64], side: ArrayLike, free: float) -> NDArray[np.bool_]:
-    """Return whether all points beyond ``beam`` (n,) on its ``side`` (1 left, -1 right) are ``free`` m away from it."""
-    place = np.take_along_axis(points, beam[:, None, None], axis=1)
-    away = np.hypot(*np.moveaxis(points - place, 2, 0))
-    beams = np.arange(points.shape[1])
-    beyond = np.asarray(side)[..., None] * (beams - beam[:, None]) > 0.0
-    return np.all(~beyond | (away >= free), axis=1)
+def _rises(ranges: Floats, step: float, rule: Perception) -> NDArray[np.bool_]:
+    """Return the last beams before the range rises by a jump within ``span`` beams."""
+    slope, span = rule.step_slope * step * ranges, rule.span
+    found = np.zeros(ranges.shape, dtype=bool)
+    found[:, :-span] = ranges[:, span:] - ranges[:, :-span] > rule.jump + slope[:, :-span]
+    for k in range(1, span):  # the same jump, seen from the beams before it
+        same = found[:, k:] & (ranges[:, k:] <= ranges[:, :-k] + k * (rule.step_limit + slope[:, :-k]))
+        found[:, :-k] &= ~same
+    return found
 
 
-def jump_point(points: Floats, rule: Perception) -> JumpPoint:
-    """Return the nearest usable jump point in points (n, beams, 2)."""
-    ranges = np.hypot(points[..., 0], points[..., 1])
-    sides = np.stack([np.where(jumps, ranges, np.inf) for jumps in jump_points(points, rule)], axis=1)
+def free_beside(place: Floats, beam: NDArray[np.int64], side: ArrayLike, rule: Perception) -> NDArray[np.bool_]:
+    """Return whether all points beyond ``beam`` (n,) on its ``side`` (1 left, -1 right) are far enough from it.
+
+    With a ``span`` of 2 the beam beside the jump does not count: it may show something between both sides.
+    """
+    off = place - np.take_along_axis(place, beam[:, None, None], axis=1)
+    beyond = np.asarray(side)[..., None] * (np.arange(place.shape[1]) - beam[:, None]) >= rule.span
+    return np.all(~beyond | (np.hypot(off[..., 0], off[..., 1]) >= rule.free), axis=1)
+
+
+def jump_point(place: Floats, camera: Scan, rule: Perception) -> JumpPoint:
+    """Return the nearest usable jump point in the points (n, beams, 2) of a camera's scan."""
+    ranges = np.hypot(place[..., 0], place[..., 1])
+    near = [found & (ranges < NEAR) for found in jumps(place, camera, rule)]
+    sides = np.stack([np.where(found, ranges, np.inf) for found in near], axis=1)
     rows, beams = ranges.shape
     waiting = sides.reshape(rows, 2 * beams)
     chosen, found = np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=bool)
@@ -74,10 +81,11 @@ def jump_point(points: Floats, rule: Perception) -> JumpPoint:
         there = np.isfinite(np.take_along_axis(waiting, best[:, None], axis=1)[:, 0]) & ~found
         if not there.any():
             break
-        fits = there & free_beside(points, best % beams, np.where(best < beams, 1.0, -1.0), rule.free)
+        fits = there & free_beside(place, best % beams, np.where(best < beams, 1.0, -1.0), rule)
         chosen, found = np.where(fits, best, chosen), found | fits
         np.put_along_axis(waiting, best[:, None], np.inf, axis=1)
-    place = np.take_along_axis(points, (chosen % beams)[:, None, None], axis=1)[:, 0]
+    chosen_place = np.take_along_axis(place, (chosen % beams)[:, None, None], axis=1)[:, 0]
     wider = np.where(ranges[:, -1] >= ranges[:, 0], 1.0, -1.0)
     side = np.where(found, np.where(chosen < beams, 1.0, -1.0), wider)
-    return JumpPoint(np.where(found, place[:, 0], 0.0), np.where(found, place[:, 1], 0.0), side, found)
+    ahead, left = np.where(found, chosen_place.T, 0.0)
+    return JumpPoint(ahead, left, side, found)

@@ -32,7 +32,7 @@ def test_the_jump_point_is_the_free_edge_to_the_beams_resolution(rule, side):
     """A box with a wall close beside one edge and space beside the other."""
     blocked = [(1.0, side * -0.4), (3.0, side * -0.4)]
     raw = cast(box(1.15, 0.0, 0.3, 0.4), blocked, wall(4.0, np.pi / 2))
-    found = jump_point(seen_points(raw, rule), rule)
+    found = jump_point(seen_points(raw, rule), CAMERA, rule)
     assert found.found and found.side == side
     # At the edge at (1, 0.2) beams are STEP * 1.02 m apart, across 2 % more.
     assert found.ahead == pytest.approx(1.0, abs=1e-6) and 0.0 <= 0.2 - side * found.left[0] <= STEP * 1.05
@@ -43,28 +43,42 @@ def test_the_jump_point_is_the_free_edge_to_the_beams_resolution(rule, side):
 @BOTH
 def test_too_narrow_on_both_sides_is_none_and_the_longer_rim_is_told(rule):
     raw = cast(box(1.15, 0.0, 0.3, 0.4), [(0.5, 0.5), (4.0, 0.5)], [(0.5, -0.6), (4.0, -0.6)], wall(4.0, np.pi / 2))
-    found = jump_point(seen_points(raw, rule), rule)
+    found = jump_point(seen_points(raw, rule), CAMERA, rule)
     assert not found.found and found.side == -1.0 and found.ahead == 0.0
 
 
 def test_jump_points_farther_than_one_and_a_half_metres_do_not_count():
     for near, is_found in ((1.4, True), (1.6, False)):
         raw = cast(box(near + 0.1, 0.0, 0.2, 0.4), wall(5.0, np.pi / 2))
-        assert jump_point(seen_points(raw, PUBLISHED), PUBLISHED).found == is_found
+        assert jump_point(seen_points(raw, PUBLISHED), CAMERA, PUBLISHED).found == is_found
 
 
 def test_the_nearest_free_jump_point_is_taken():
     near, far = box(1.0, 0.3, 0.2, 0.2), box(1.3, -0.3, 0.2, 0.3)
-    found = jump_point(seen_points(cast(near, far, wall(5.0, np.pi / 2)), IMPROVED), IMPROVED)
+    found = jump_point(seen_points(cast(near, far, wall(5.0, np.pi / 2)), IMPROVED), CAMERA, IMPROVED)
     assert found.found and found.ahead == pytest.approx(0.9, abs=1e-6)
     assert found.side == 1.0 and found.left == pytest.approx(0.4, abs=STEP)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_one_wrong_beam_beside_a_jump_moves_the_improved_point_by_one_beam_at_most(share):
+    """Depth cameras show something between both sides there; the filter may take that beam's place for the edge's."""
+    raw = cast(box(1.15, 0.0, 0.3, 0.4), wall(4.0, np.pi / 2))
+    true = jump_point(IMPROVED.points(raw, CAMERA), CAMERA, IMPROVED)
+    for edge, towards in ((np.flatnonzero(raw[0] < 1.1)[-1], 1), (np.flatnonzero(raw[0] < 1.1)[0], -1)):
+        for beam in (edge, edge + towards):
+            mixed = raw.copy()
+            mixed[0, beam] = (1.0 - share) * raw[0, edge] + share * raw[0, edge + towards]
+            found = jump_point(IMPROVED.points(mixed, CAMERA), CAMERA, IMPROVED)
+            assert found.found and found.ahead == pytest.approx(true.ahead, abs=0.02)
+            assert abs(found.left - found.side * np.abs(true.left)) <= 1.1 * STEP
 
 
 @BOTH
 @pytest.mark.parametrize("ends", [1.5, 1.9, 2.3])
 def test_a_corner_s_place(rule, ends):
     raw = cast([(0.0, -0.5), (ends, -0.5)], [(ends, -0.5), (ends, -5.0)], wall(ends + 2.0, np.pi / 2))
-    corner = right_corner(seen_points(raw, rule), rule)
+    corner = right_corner(seen_points(raw, rule), CAMERA, rule)
     assert corner.found and corner.left == pytest.approx(-0.5, abs=1e-6)
     # Beams are y² STEP / 0.5 m apart along the wall.
     assert 0.0 <= ends - corner.ahead[0] <= 1.3 * ends**2 * STEP / 0.5
@@ -83,7 +97,7 @@ def test_what_is_no_corner(rule):
         "no space": [[(0.0, beside), (1.7, beside)], [(2.05, -1.0), (2.05, 0.0)]],
     }
     for name, walls in scenes.items():
-        assert not right_corner(seen_points(cast(*walls, ahead), rule), rule).found, name
+        assert not right_corner(seen_points(cast(*walls, ahead), rule), CAMERA, rule).found, name
 
 
 def test_glass_is_heard_and_not_seen():
@@ -108,6 +122,19 @@ def test_glass_is_heard_and_not_seen():
     )
     echo = glass.echo_of_side(np.array([0.4, 0.0]), cone)
     assert echo[0] == pytest.approx(np.hypot(at_rim.x, at_rim.y)) and np.isinf(echo[1])
+
+
+@BOTH
+def test_rows_are_independent_to_the_last_bit(rule):
+    raw = np.repeat(np.random.default_rng(6).uniform(0.6, 2.5, (60, 47)), 3, axis=1)
+    raw[30:] = cast([(0.0, -0.5), (1.6, -0.5)], wall(4.0, np.pi / 2)) + 0.01 * raw[30:]
+    place = rule.points(raw, CAMERA)
+    for read in (jump_point, right_corner):
+        together = read(place, CAMERA, rule)
+        assert 0 < together.found.sum() < 60
+        for row in range(60):
+            for one, every in zip(read(place[row : row + 1], CAMERA, rule), together, strict=True):
+                np.testing.assert_array_equal(one[0], every[row])
 
 
 def test_clearance_is_shapely_s_distance_to_the_swept_body():

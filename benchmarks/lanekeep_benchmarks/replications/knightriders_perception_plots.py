@@ -17,7 +17,7 @@ from lanekeep_baselines.scan_classes import IMPROVED, KINDS, PUBLISHED, WALL, Pe
 from lanekeep_baselines.scan_corners import right_corner
 from lanekeep_baselines.scan_glass import is_glass, shown_ahead
 from lanekeep_baselines.scan_points import bridged, filled, median
-from lanekeep_baselines.scan_targets import ASIDE, jump_point, jump_points
+from lanekeep_baselines.scan_targets import ASIDE, NEAR, jump_point, jumps
 from lanekeep_benchmarks.plots import GRID, colour_of, png
 from lanekeep_benchmarks.replications.knightriders_scenes import CAMERA, FIRST, box, cast, line, with_faults
 from lanekeep_env.sensing.ultrasonic import HALF_CONE
@@ -101,7 +101,7 @@ def _points() -> bytes:
     left.set(xlabel="angle, + left [°]", ylabel="range [m]", ylim=(0.0, 4.0), title="Range of each beam")
     left.invert_xaxis()
     left.grid(**GRID)
-    left.legend(frameon=False, fontsize=8, loc="upper left")
+    left.legend(frameon=False, fontsize=8, loc="lower left")
     _above(right, walls, (1.9, 1.9, -0.6, 2.9), "The median over 41 erases what under 21 beams see")
     for place, (name, rule) in enumerate(_RULES.items(), 1):
         _dots(right, rule.points(raw, CAMERA)[0], colour_of(place), name)
@@ -128,10 +128,10 @@ def _classes() -> bytes:
             _above(axes, walls, (1.0, 1.0, -0.6, 2.0), f"{truth}\n{name}: {kind}")
             _dots(axes, place[0], "#707070")
             axes.add_patch(_box(rule))
-            _dots(axes, place[0, seen.first[0] : seen.last[0] + 1], colour_of(0), "walk", 4.0)
             if seen.hit[0] >= 0:
+                _dots(axes, place[0, seen.first[0] : seen.last[0] + 1], colour_of(0), "walk", 4.0)
                 _dots(axes, place[0, seen.hit[0] : seen.hit[0] + 1], colour_of(1), "hit", 8.0)
-            axes.legend(frameon=False, fontsize=8, loc="lower right")
+                axes.legend(frameon=False, fontsize=8, loc="lower right")
     return png(figure)
 
 
@@ -147,20 +147,20 @@ def _jumps() -> bytes:
     figure = Figure(figsize=(11.0, 7.5), layout="constrained")
     for axes, (name, rule) in zip(figure.subplots(1, 2), _RULES.items(), strict=True):
         place = rule.points(raw, CAMERA)
-        found = jump_point(place, rule)
+        found = jump_point(place, CAMERA, rule)
         offset = np.array([ASIDE])
         if name == "improved":
             offset = aside(found.ahead, found.left, found.side, _CAR, _MARGIN, _REVERSE)
         ahead, left = found.target(offset)
         segments = evade(ahead + _CAR.front, left, _RADIUS, _RADIUS, _REVERSE)[0]
-        _above(axes, walls, (1.2, 1.0, -0.7, 1.9), f"{name}: target {offset[0]:.2f} m beside the jump point")
+        _above(axes, walls, (1.2, 1.0, -0.9, 1.9), f"{name}: target {offset[0]:.2f} m beside the jump point")
         _swept(axes, segments)
         _dots(axes, place[0], "#707070")
-        jumps = np.logical_or(*jump_points(place, rule))[0]
-        _dots(axes, place[0, jumps], colour_of(1), "jump points", 7.0)
+        ends = np.logical_or(*jumps(place, CAMERA, rule))[0] & (np.hypot(*place[0].T) < NEAR)
+        _dots(axes, place[0, ends], colour_of(1), "jump points", 7.0)
         axes.add_patch(Circle((-found.left[0], found.ahead[0]), rule.free, fill=False, linestyle="--", edgecolor="k"))
         axes.plot(-left, ahead, "*", color=colour_of(2), markersize=14, label="target of the rear axle")
-        axes.legend(frameon=False, fontsize=8, loc="upper left")
+        axes.legend(frameon=False, fontsize=8, loc="lower left")
     return png(figure)
 
 
@@ -188,7 +188,7 @@ def _corner() -> bytes:
     figure = Figure(figsize=(11.0, 6.5), layout="constrained")
     for axes, (name, rule) in zip(figure.subplots(1, 2), _RULES.items(), strict=True):
         place = rule.points(_scene(walls, 5), CAMERA)
-        corner = right_corner(place, rule)
+        corner = right_corner(place, CAMERA, rule)
         text = f"the wall ends {corner.ahead[0]:.2f} m ahead (truth: 1.90)" if corner.found[0] else "no corner"
         _above(axes, walls, (1.1, 2.0, -0.7, 3.6), f"{name}: {text}")
         _dots(axes, place[0], "#707070")

@@ -32,7 +32,7 @@ _BEAMS_OF_CONE = 181
 
 @dataclass(frozen=True)
 class Scenes:
-    """Scans (n, beams), 0 or NaN where nothing is shown, what is heard ahead and beside (2, n), truth and case, (n,)."""
+    """Scans (n, beams), 0 or NaN for nothing; what is heard ahead (n,) and beside (2, n); truth and case (n,)."""
 
     ranges: Floats
     heard: Floats
@@ -61,7 +61,7 @@ def echo(walls: list[Floats], direction: float, random: np.random.Generator, beh
     """Return what an ultrasonic ``behind`` the nose hears, m: the nearest part of a wall inside its cone."""
     cosine, sine = np.cos(direction), np.sin(direction)
     turn = np.array([[cosine, -sine], [sine, cosine]])
-    turned = [((wall.reshape(2, 2) + [behind, 0.0]) @ turn).ravel() for wall in walls]
+    turned = [((wall.reshape(2, 2) + np.array([behind, 0.0])) @ turn).ravel() for wall in walls]
     return float(cast(turned, _BEAMS_OF_CONE, HALF_CONE).min() * (1.0 + 0.005 * random.standard_normal()))
 
 
