@@ -68,4 +68,6 @@ def aside(ahead: Floats, left: Floats, side: Floats, body: Body, margin: float, 
         left_over = np.where(segments[:, 0, 0] < 0.0, -1.0, clearance(segments, from_axle, left, body))
         better = (best < margin) & (left_over > best)
         chosen, best = np.where(better, offset, chosen), np.where(better, left_over, best)
+        if (best >= margin).all():
+            break
     return chosen

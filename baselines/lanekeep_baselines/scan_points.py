@@ -58,7 +58,7 @@ def median(ranges: ArrayLike, width: int = WIDTH) -> Floats:
     shown = np.asarray(ranges, dtype=np.float64)
     half = width // 2
     edged = np.pad(shown, ((0, 0), (half, half)), mode="edge")
-    return np.median(sliding_window_view(edged, 2 * half + 1, axis=1), axis=2)
+    return np.partition(sliding_window_view(edged, 2 * half + 1, axis=1), half, axis=2)[..., half]
 
 
 def points(ranges: ArrayLike, first_angle: float, step: float) -> Floats:

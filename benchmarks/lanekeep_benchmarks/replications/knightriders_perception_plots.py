@@ -206,7 +206,7 @@ def _glass() -> bytes:
     raw = _scene(behind, 4)
     heard = cast([pane, *behind], 181, HALF_CONE).min()
     shown = shown_ahead(raw, _ANGLES, HALF_CONE)
-    figure = Figure(figsize=(6.5, 6.5), layout="constrained")
+    figure = Figure(figsize=(7.0, 6.5), layout="constrained")
     axes = figure.subplots()
     said = "glass" if is_glass(heard, shown)[0] else "no glass"
     _above(axes, behind, (1.6, 1.6, -0.6, 3.2), f"heard at {heard:.2f} m, shown from {shown[0]:.2f} m: {said}")
