@@ -1,4 +1,4 @@
-"""Team KnightRiders 2017, chapter 3: the controllers along a wall, designed and simulated again.
+"""Team KnightRiders 2017: chapter 3's controllers along a wall, designed and simulated again; chapter 4's perception.
 
 The report prints the cascade's poles and gains and the poles of the PD; its responses are curves. "Checked" numbers
 were recomputed from its equations and listings by others than the authors of this code. Units: `wall_simulation`.
@@ -10,6 +10,7 @@ from lanekeep_benchmarks.replications.knightriders_designs import cascade, pd, p
 from lanekeep_benchmarks.replications.knightriders_drives import comparison, kalman_filter, one_sample
 from lanekeep_benchmarks.replications.knightriders_figures import responses
 from lanekeep_benchmarks.replications.knightriders_loci import root_loci
+from lanekeep_benchmarks.replications.knightriders_perception import perception
 
 STEPS = (
     ("first approach", pi),
@@ -21,4 +22,5 @@ STEPS = (
     ("comparison", comparison),
     ("one sample of delay", one_sample),
     ("Kalman filter", kalman_filter),
+    ("perception", perception),
 )
