@@ -246,7 +246,7 @@ I_START = 6  # first start
 I_STARTS = 7
 INDEX_SIZE = 8
 
-# course: numbers and spaces (SPACE_COLUMNS, all), index of a world's spaces (worlds, 3): first, behind the last, longest
+# course: numbers; spaces (SPACE_COLUMNS, all); a world's spaces (worlds, 3): first, behind the last, longest
 C_KERB = 0  # farthest that a parked car is from the kerb, m
 C_TURNED = 1  # largest angle of a parked car to the kerb, rad
 C_STEPS = 2  # that it has to stand

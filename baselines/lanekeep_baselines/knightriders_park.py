@@ -166,7 +166,7 @@ class KnightRidersPark(DrivingPolicy):
         kerb = ~box & (place > now.gap + rim) & (place < next_ - rim)
         kerb &= np.abs(right - now.kerb) < 0.25
         moves = (now.phase == SEARCH) & (now.speed > 0.5 * self.SLOW)
-        # What was read after it tells another wall, even one as little off as noise is: boxes that stand close together.
+        # What was read after it tells another wall, even one as little off as noise is: boxes may stand close together.
         expected = memory[:, 0] + way * np.sin(memory[:, 1])
         half = self.MEAN // 2
         soon, then = heard[:, :half].mean(axis=1), heard[:, half : self.MEAN].mean(axis=1)
@@ -217,7 +217,7 @@ class KnightRidersPark(DrivingPolicy):
         kerb = np.clip(depth - 2.0 * self._half_width, self.NEAREST, self.FARTHEST)
         line = kerb + self._half_width
         shift = now.kerb - line
-        # The nose's right corner passes the rear corner of the box in front, which is ``out`` wider than the car's side.
+        # The nose's right corner passes the rear corner of the box in front, ``out`` m wider than the car's side.
         out = np.maximum(depth - kerb, 0.05)
         outer = radius[0] + self._half_width
         needed = self._overhang + np.sqrt(

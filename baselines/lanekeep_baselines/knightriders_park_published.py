@@ -5,8 +5,8 @@ gone X_total (36) along it, which is the report's gap length and in truth the re
 drives back by encoder: an arc to the right, a straight, an arc to the left (33, 37), of 45 degrees, with D/2 of (29),
 which is the front axle's radius, for both sides. Misprints are corrected: (33) in radians, (35) with Y_total once.
 
-Decisions, where the text is silent: what a jump is, the speeds, that the car shall stand `AIR` from the kerb, and that it
-stops before a wall.
+Decisions, where the text is silent: what a jump is, the speeds, that the car shall stand `AIR` from the kerb, and that
+it stops before a wall.
 """
 
 from __future__ import annotations

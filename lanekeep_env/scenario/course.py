@@ -116,7 +116,9 @@ class CourseScenario(CircuitScenario):
         ]
         if self.observation == "full":
             channels += [
-                Channel("space_ahead", "m", -200.0, 200.0, "middle of the longest space, along its kerb", at.SPACE_AHEAD),
+                Channel(
+                    "space_ahead", "m", -200.0, 200.0, "middle of the longest space, along its kerb", at.SPACE_AHEAD
+                ),
                 Channel("space_left", "m", -200.0, 200.0, "the same, to the left", at.SPACE_LEFT),
                 Channel("space_turned", "rad", -math.pi, math.pi, "heading minus that of its kerb", at.SPACE_TURNED),
                 Channel("space_length", "m", 0.0, 100.0, "0 without any", at.SPACE_LENGTH),

@@ -24,6 +24,7 @@ CORNER = 1.0
 _AIR = 0.02
 _TRIES = 200
 
+
 @dataclass(frozen=True)
 class ObstacleCircuit(Circuit):
     """A rectangular circuit with ``boxes`` in it: (x, y, heading, length, width) each, m and rad.
@@ -79,8 +80,8 @@ class ObstacleCircuit(Circuit):
             inside = around < 0.5 * np.array([self.length, self.width]) - self.corridor
             if outside.any() or inside.all(axis=1).any():
                 raise ValueError(
-                    f"world.boxes[{k}]={shown(box)} is not allowed: it reaches through a wall; the corridors lie within "
-                    f"{self.corridor:g} m of x=+-{0.5 * self.length:g} m and y=+-{0.5 * self.width:g} m"
+                    f"world.boxes[{k}]={shown(box)} is not allowed: it reaches through a wall; the corridors lie "
+                    f"within {self.corridor:g} m of x=+-{0.5 * self.length:g} m and y=+-{0.5 * self.width:g} m"
                 )
 
     def world(self, name: str) -> World:

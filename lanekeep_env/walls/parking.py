@@ -11,8 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from lanekeep_env.checks import plain_numbers, require, shown
-from lanekeep_env.walls.generators import END_SPACE, WorldRecord, range_of
 from lanekeep_env.walls.boxes import Box, box_outline
+from lanekeep_env.walls.generators import END_SPACE, WorldRecord, range_of
 from lanekeep_env.walls.shapes import outline, rectangle
 from lanekeep_env.walls.world import Floats, World
 
@@ -124,7 +124,7 @@ class ParkingRow(WorldRecord):
 
 @dataclass(frozen=True)
 class RandomParkingRows(WorldRecord):
-    """A set of streets with a row of parked boxes each, whose first space that is long enough comes behind shorter ones.
+    """A set of streets with a row of parked boxes each, whose space that is long enough comes behind shorter ones.
 
     Attributes:
         count: streets.
@@ -192,5 +192,3 @@ class RandomParkingRows(WorldRecord):
 def longest_space(world: World) -> float:
     """Length of a world's longest parking space, m; 0 without any."""
     return 0.0 if world.spaces is None or len(world.spaces) == 0 else float(world.spaces[:, 3].max())
-
-

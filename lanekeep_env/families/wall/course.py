@@ -40,7 +40,7 @@ def _from_space(x, y, spaces, which):
 
 @helper
 def _see_space(i, block, which, settings, equipment):
-    """Write where car i is in the space that holds most of it, and where the longest one is; return whether it is in."""
+    """Write where car i is in the space that holds most of it, and where the longest is; return whether it is in."""
     numbers, spaces, index = equipment[_NUMBERS], equipment[_SPACES], equipment[_INDEX]
     zero = like(settings[0], 0.0)
     sine, cosine = sin_cos(block[at.HEADING, i])
