@@ -29,9 +29,9 @@ def boxes_from(value: Any) -> tuple[Box, ...]:
         )
     for k, box in enumerate(value):
         for name, number in zip(("x", "y", "heading", "length", "width"), box, strict=True):
-            size = name in ("length", "width")
-            bounds = {"at_least": 0.01, "at_most": 100.0} if size else {"at_least": -1e4, "at_most": 1e4}
-            require(f"world.boxes[{k}].{name}", number, "rad" if name == "heading" else "m", **bounds)
+            least, most = (0.01, 100.0) if name in ("length", "width") else (-1e4, 1e4)
+            unit = "rad" if name == "heading" else "m"
+            require(f"world.boxes[{k}].{name}", number, unit, at_least=least, at_most=most)
     return tuple(tuple(float(number) for number in box) for box in value)  # type: ignore[misc]
 
 

@@ -59,10 +59,10 @@ class ObstacleCircuit(Circuit):
         """Boxes and parked boxes."""
         return self.boxes + self._row()[0]
 
-    def _row(self) -> tuple[tuple[Box, ...], Floats]:
-        """Return the parked boxes and the spaces between them, in the circuit's frame."""
+    def _row(self) -> tuple[tuple[Box, ...], Floats, list[Floats]]:
+        """Return the parked boxes, the spaces between them and the boxes' walls, in the circuit's frame."""
         if len(self.gaps) == 0:
-            return (), np.zeros((0, 5))
+            return (), np.zeros((0, 5)), []
         row = ParkingRow(self.gaps)
         # The kerb is the upper outer wall, driven leftwards, or clockwise the upper inner one, driven rightwards.
         flip = -1.0 if self.clockwise else 1.0
@@ -71,7 +71,8 @@ class ObstacleCircuit(Circuit):
         heading = 0.0 if self.clockwise else math.pi
         boxes = tuple((x - flip * bx, y - flip * by, heading, long, wide) for bx, by, _, long, wide in row.boxes)
         spaces = row.spaces() * [-flip, -flip, 0.0, 1.0, 1.0] + [x, y, heading, 0.0, 0.0]
-        return boxes, spaces
+        sides = [[x, y, x, y] - flip * walls for walls in row.sides()]
+        return boxes, spaces, sides
 
     def _check_inside(self) -> None:
         for k, box in enumerate(self.boxes):
@@ -87,7 +88,7 @@ class ObstacleCircuit(Circuit):
     def world(self, name: str) -> World:
         """Return the circuit with its boxes under a name."""
         bare = super().world(name)
-        boxes = [box_outline(box) for box in self.all_boxes]
+        boxes = [box_outline(box) for box in self.boxes] + self._row()[2]
         start = bare.start[:1]
         for k, box in enumerate(self.boxes):
             if covers(box, *start[0, :2]):
@@ -95,7 +96,7 @@ class ObstacleCircuit(Circuit):
         return replace(
             bare,
             segments=np.concatenate([bare.segments, *boxes]),
-            glass=np.concatenate([bare.glass, np.zeros(4 * len(boxes), dtype=np.bool_)]),
+            glass=np.concatenate([bare.glass, np.zeros(sum(map(len, boxes)), dtype=np.bool_)]),
             start=start,
             spaces=self._row()[1],
         )

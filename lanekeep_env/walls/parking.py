@@ -92,6 +92,14 @@ class ParkingRow(WorldRecord):
         """How far the boxes reach from the kerb, m."""
         return float((self._each("width") + self._each("kerb")).max())
 
+    def sides(self) -> list[Floats]:
+        """Walls of each box, (3, 4): behind it, along the road and in front; the slit at the kerb is closed."""
+        deep = [y + 0.5 * width for _, y, _, _, width in self.boxes]
+        return [
+            box_outline((x, 0.5 * far, 0.0, length, far))[1:]
+            for (x, _, _, length, _), far in zip(self.boxes, deep, strict=True)
+        ]
+
     def spaces(self) -> Floats:
         """The gaps that are long enough to be spaces of a world."""
         found = [
@@ -110,7 +118,7 @@ class ParkingRow(WorldRecord):
         boxes = self.boxes
         total = boxes[-1][0] + 0.5 * boxes[-1][3] + RUN_OUT
         street = outline(rectangle(total, self.street) + 0.5 * np.array([total, self.street]))
-        walls = np.concatenate([street, *(box_outline(box) for box in boxes)])
+        walls = np.concatenate([street, *self.sides()])
         y = self.depth + self.start_distance
         return World(
             name,
