@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lanekeep_env import layout as at
 from lanekeep_env.scenario.walls import WallFollowScenario
 from lanekeep_env.walls import World
 
@@ -19,6 +20,7 @@ TRACE_SECONDS = 15.0
 
 _FLOOR, _WALL, _GLASS, _LINE = (232, 233, 235), (60, 64, 70), (120, 190, 220), (205, 208, 212)
 _CAR, _NOSE, _WHEEL, _PATH, _BEAM = (0, 114, 178), (200, 224, 240), (35, 38, 42), (213, 94, 0), (236, 196, 150)
+_BACK, _BLOCK, _SPACE = (0, 158, 115), (176, 180, 186), (205, 232, 214)
 _INK, _FAINT, _PAPER, _ALARM = (45, 48, 53), (150, 155, 160), (252, 252, 252), (190, 20, 20)
 
 
@@ -27,7 +29,7 @@ class WallPose:
     """What a picture needs of a car: world and place in it (m, rad), steering (rad), speed (m/s), time (s).
 
     ``distance``: of the right wall, m, NaN without an echo; ``lap_time``: of the last lap, s, 0 before; ``scan``:
-    ranges of the depth camera, m, 0 where a beam shows nothing, (beams,).
+    ranges of the depth camera, m, 0 where a beam shows nothing, (beams,); ``mode``: what a car on a course is to do.
     """
 
     world: World
@@ -41,6 +43,7 @@ class WallPose:
     lap_time: float
     touched: bool
     scan: np.ndarray
+    mode: str = ""
 
 
 class WallPicture:
@@ -64,14 +67,14 @@ class WallPicture:
 
     def forget(self) -> None:
         """Start a new episode: no path, no trace."""
-        self._driven: deque[tuple[float, float]] = deque(maxlen=2000)
+        self._driven: deque[tuple[float, float, bool]] = deque(maxlen=4000)
         self._trace: deque[tuple[float, float]] = deque(maxlen=2000)
 
     def draw(self, pose: WallPose) -> np.ndarray:
         """Return the picture as uint8 array, (HEIGHT, WIDTH, 3)."""
         if self._trace and pose.time < self._trace[-1][0]:
             self.forget()
-        self._driven.append((pose.x, pose.y))
+        self._driven.append((pose.x, pose.y, pose.speed < 0.0))
         self._trace.append((pose.time, pose.distance))
         self._sheet.fill(_PAPER)
         self._view(pose)
@@ -96,16 +99,34 @@ class WallPicture:
             there = (np.atleast_2d(points) - middle) * pixels
             return [(WIDTH * SCALE / 2 + x, VIEW_HEIGHT * SCALE / 2 - y) for x, y in there.tolist()]
 
+        self._fill(pose.world, screen)
         if pose.world.centre_line is not None:
             pg.draw.lines(sheet, _LINE, pose.world.closed, screen(pose.world.centre_line), SCALE)
         self._beams(pose, screen)
         for wall, glass in zip(pose.world.segments, pose.world.glass, strict=True):
             a, b = screen(wall.reshape(2, 2))
             pg.draw.line(sheet, _GLASS if glass else _WALL, a, b, 3 * SCALE)
-        if len(self._driven) > 1:
-            pg.draw.lines(sheet, _PATH, False, screen(np.array(self._driven)), 2 * SCALE)
+        points = screen(np.array([(x, y) for x, y, _ in self._driven]))
+        for a, b, (_, _, back) in zip(points[:-1], points[1:], list(self._driven)[1:], strict=True):
+            pg.draw.line(sheet, _BACK if back else _PATH, a, b, 2 * SCALE)
         self._car(pose, screen)
         sheet.set_clip(None)
+
+    def _fill(self, world: World, screen: Any) -> None:
+        """Shade the parking spaces of a course, and what its walls enclose but for the first ones around all."""
+        if world.spaces is None:
+            return
+        for x, y, heading, long, deep in world.spaces:
+            ahead, left = (
+                np.array([math.cos(heading), math.sin(heading)]),
+                np.array([-math.sin(heading), math.cos(heading)]),
+            )
+            corners = [(x, y) + u * long * ahead + v * deep * left for u, v in ((0, 0), (1, 0), (1, 1), (0, 1))]
+            self._pg.draw.polygon(self._sheet, _SPACE, screen(np.array(corners)))
+        joined = (world.segments[1:, :2] == world.segments[:-1, 2:]).all(axis=1)
+        for part in np.split(world.segments, 1 + np.flatnonzero(~joined))[1:]:
+            if len(part) > 2:
+                self._pg.draw.polygon(self._sheet, _BLOCK, screen(_ends(part)))
 
     def _nose(self, pose: WallPose) -> np.ndarray:
         front, rear = self._scenario.axles
@@ -147,22 +168,23 @@ class WallPicture:
     def _plot(self, pose: WallPose) -> None:
         pg, sheet = self._pg, self._sheet
         left, top, width, height = 60 * SCALE, (VIEW_HEIGHT + 30) * SCALE, 560 * SCALE, 110 * SCALE
-        wanted = self._scenario.set_distance
+        follows = self._scenario.task == at.WALL_FOLLOW
+        wanted = self._scenario.set_distance if follows else 1.0
         span = 2.0 * wanted
         begin = max(0.0, pose.time - TRACE_SECONDS)
 
-        def at(time: float, distance: float) -> tuple[float, float]:
+        def place(time: float, distance: float) -> tuple[float, float]:
             return left + (time - begin) / TRACE_SECONDS * width, top + height * (1.0 - min(distance / span, 1.0))
 
         pg.draw.rect(sheet, (244, 245, 246), pg.Rect(left, top, width, height))
         for level in (0.0, wanted, span):
-            y = at(begin, level)[1]
+            y = place(begin, level)[1]
             pg.draw.line(sheet, _FAINT if level else _WALL, (left, y), (left + width, y), SCALE)
             self._text(f"{level:.1f}", 18, _INK, (left - 8 * SCALE, y), "midright")
         runs: list[list[tuple[float, float]]] = [[]]
         for time, distance in self._trace:
             if time >= begin and math.isfinite(distance):
-                runs[-1].append(at(time, distance))
+                runs[-1].append(place(time, distance))
             elif runs[-1]:
                 runs.append([])
         for run in runs:
@@ -177,6 +199,7 @@ class WallPicture:
         self._text(f"right {distance}", 24, _INK, (x, y + 36 * SCALE), "topleft")
         self._text(f"steering {math.degrees(pose.steer):+.1f}°", 24, _INK, (x, y + 60 * SCALE), "topleft")
         self._text(f"time {pose.time:.1f} s", 24, _INK, (x, y + 84 * SCALE), "topleft")
+        self._text(pose.mode, 24, _INK, (WIDTH * SCALE - 12 * SCALE, 10 * SCALE), "topright")
         if pose.touched:
             self._text("contact", 24, _ALARM, (x, y + 108 * SCALE), "topleft")
         elif pose.lap_time > 0.0:
@@ -185,3 +208,8 @@ class WallPicture:
     def _text(self, text: str, size: int, colour: tuple[int, int, int], where: Any, anchor: str) -> None:
         picture = self._fonts[size].render(text, True, colour)
         self._sheet.blit(picture, picture.get_rect(**{anchor: where}))
+
+
+def _ends(walls: np.ndarray) -> np.ndarray:
+    """Corners of walls that follow each other, the last one's end among them."""
+    return np.concatenate([walls[:, :2], walls[-1:, 2:]])

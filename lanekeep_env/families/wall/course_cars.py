@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.families.wall.cars import WallCars, world_set
 from lanekeep_env.families.wall.course import ON_COURSES
+from lanekeep_env.rendering.wall_picture import WallPose
 from lanekeep_env.walls import ObstacleCircuit, WorldRecord
 from lanekeep_env.walls.obstacles import passage
 from lanekeep_env.walls.parking import longest_space
+
+#: What pictures call the modes.
+_SHOWN = {at.ROUNDTRIP: "round trip", at.OBSTACLES: "among obstacles", at.PARK: "parking"}
 
 
 @functools.lru_cache(maxsize=16)
@@ -40,6 +45,11 @@ class CourseCars(WallCars):
 
     def _equip(self, *parts: np.ndarray | None) -> tuple[np.ndarray | None, ...]:
         return *parts, *self.course
+
+    def pose(self, column: int) -> WallPose:
+        """Where the car of a column is, and what it is to do, for pictures."""
+        block, i = divmod(column, self.cars.shape[2])
+        return replace(super().pose(column), mode=_SHOWN[int(self.cars[block, at.MODE, i])])
 
     def _check_course(self) -> None:
         """Raise ValueError for a world in which the car cannot do what it is to do."""
