@@ -7,6 +7,7 @@ where its path begins, and drives back: an arc to the right, a straight, an arc 
 - The ultrasonic's cone sees a box's end before and behind it, as far as that is from the cone's rim: then the reading
   tells where the end is along the row, to the millimetre. How far the kerb is tells how deep the boxes are.
 - A gap is long enough if the last arc takes the nose past the box in front as deep as it was measured.
+- The servo's map, as half circles tell it, is inverted (`servo_map`).
 - The path is closed over the estimated pose: the last arc is, at each step, the one that from here ends along the kerb
   (as `knightriders-circuit` does in corners), so that radii, start and offset need not be known exactly.
 """
@@ -21,8 +22,10 @@ from numpy.typing import NDArray
 
 from lanekeep_baselines.path_planning import PARKING_ANGLE, parallel_parking
 from lanekeep_baselines.policy import DrivingPolicy, DrivingScenario, Floats
+from lanekeep_baselines.servo_map import ServoMap
 from lanekeep_baselines.wall_design import WallCar
 from lanekeep_baselines.wall_estimator import WallFilter, WallNoise
+from lanekeep_env.scenario import Servo
 from lanekeep_env.sensing.faults import Sensor, Sensors
 from lanekeep_env.sensing.ultrasonic import FARTHEST, HALF_CONE
 
@@ -82,6 +85,8 @@ class ParkingDrive(DrivingScenario, Protocol):
 
     @property
     def sensors(self) -> Sensors: ...
+    @property
+    def servo(self) -> Servo: ...
 
 
 class KnightRidersPark(DrivingPolicy):
@@ -119,7 +124,7 @@ class KnightRidersPark(DrivingPolicy):
         super().__init__(scenario)
         car = scenario.vehicle
         self._car = WallCar(car.wheelbase, 0.5 * car.wheelbase, scenario.control_step)
-        self._limit = min(scenario.max_steering_angle, car.steering.angle_limit or np.inf)
+        self._servo = ServoMap.of(scenario.servo, min(scenario.max_steering_angle, car.steering.angle_limit or np.inf))
         self._length, self._half_width = car.length, 0.5 * car.width
         self._overhang = 0.5 * (car.length - car.wheelbase)
         # The filter hears, where the rear axle is now, what the sensor said there: only then is it known whether that
@@ -181,7 +186,8 @@ class KnightRidersPark(DrivingPolicy):
             states[:, column] = np.where(hears & other, 0.0, states[:, column])
         states[:, 4] = np.where(hears & other, 1.0, states[:, 4])
         distance = np.where(hears | new, right, 0.0)
-        known = self._filter.update(states, new, way / self._car.step, at["steering_command"], distance, at["yaw_rate"])
+        steering = self._servo.angle(at["steering_command"])
+        known = self._filter.update(states, new, way / self._car.step, steering, distance, at["yaw_rate"])
         return known, kerb & hears & ~new
 
     def _measure(self, right: Floats, known: Floats, now: Search) -> Search:
@@ -235,10 +241,9 @@ class KnightRidersPark(DrivingPolicy):
 
     def _radius(self, offset: Floats) -> tuple[Floats, Floats]:
         """Return the rear axle's turning radii to the left and to the right, m, with the steering offset."""
-        reach = self._limit - self.KEPT
-        return self._car.wheelbase / np.tan(reach + np.minimum(offset, 0.0)), self._car.wheelbase / np.tan(
-            reach - np.maximum(offset, 0.0)
-        )
+        left = self._servo.left - self.KEPT + np.minimum(offset, 0.0)
+        right = self._servo.right - self.KEPT - np.maximum(offset, 0.0)
+        return self._car.wheelbase / np.tan(left), self._car.wheelbase / np.tan(right)
 
     def _drive(self, known: Floats, front: Floats, now: Search) -> tuple[Floats, Floats, Search]:
         """Return steering, speed and what is remembered next."""
@@ -269,7 +274,7 @@ class KnightRidersPark(DrivingPolicy):
                 0.0 * bend,
             ],
         )
-        steering = np.arctan(self._car.wheelbase * curvature) - offset
+        steering = self._servo.command(np.arctan(self._car.wheelbase * curvature) - offset)
         # Slow enough at the way's end to stop within a step.
         ahead = np.clip(2.0 * left, 0.05, self.SLOW)
         back = -np.clip(2.0 * heading, 0.08, self.BACK)
