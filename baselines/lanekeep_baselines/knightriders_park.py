@@ -15,11 +15,12 @@ where its path begins, and drives back: an arc to the right, a straight, an arc 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lanekeep_baselines.declared import Need
 from lanekeep_baselines.path_planning import PARKING_ANGLE, parallel_parking
 from lanekeep_baselines.policy import DrivingPolicy, DrivingScenario, Floats
 from lanekeep_baselines.servo_map import ServoMap
@@ -80,7 +81,23 @@ class Search(NamedTuple):
     line: Floats
 
 
-class ParkingDrive(DrivingScenario, Protocol):
+def _no_parking(scenario: Any) -> str:
+    """Return what is lacking where a scenario never asks to park, else ""."""
+    return "" if scenario.parks else "a mode 'park', which the scenario's modes do not have"
+
+
+#: That there is a mode in which to park.
+PARKS = Need("a mode 'park'", _no_parking)
+
+
+class CourseDrive(DrivingScenario, Protocol):
+    """A scenario with modes."""
+
+    @property
+    def parks(self) -> bool: ...
+
+
+class ParkingDrive(CourseDrive, Protocol):
     """What the controller may know; `lanekeep_env.ParallelParkScenario` is one."""
 
     @property
@@ -94,6 +111,7 @@ class KnightRidersPark(DrivingPolicy):
 
     name = "knightriders-park"
     reads = ("distance_right", "distance_front", "yaw_rate", "speed", "steering_command", "mode")
+    needs = (PARKS,)
 
     #: Speeds along the row, and back, m/s.
     SLOW, BACK = 0.3, 0.25

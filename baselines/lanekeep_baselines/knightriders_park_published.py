@@ -17,8 +17,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lanekeep_baselines.knightriders_park import PARKS, CourseDrive
 from lanekeep_baselines.path_planning import PARKING_ANGLE
-from lanekeep_baselines.policy import DrivingPolicy, DrivingScenario, Floats
+from lanekeep_baselines.policy import DrivingPolicy, Floats
 from lanekeep_env.sensing.ultrasonic import FARTHEST
 
 
@@ -45,6 +46,7 @@ class KnightRidersParkPublished(DrivingPolicy):
 
     name = "knightriders-park-published"
     reads = ("distance_right", "distance_front", "speed", "mode")
+    needs = (PARKS,)
 
     #: Speeds along the row, and back, m/s.
     SLOW, BACK = 0.3, 0.25
@@ -55,7 +57,7 @@ class KnightRidersParkPublished(DrivingPolicy):
     #: From a wall ahead where the car stops, m.
     STOP: ClassVar[float] = 0.3
 
-    def __init__(self, scenario: DrivingScenario) -> None:
+    def __init__(self, scenario: CourseDrive) -> None:
         super().__init__(scenario)
         car = scenario.vehicle
         self._limit = min(scenario.max_steering_angle, car.steering.angle_limit or np.inf)

@@ -23,6 +23,8 @@ from lanekeep_env.scenario import (
     DriveScenario,
     EvasiveScenario,
     LaneKeepScenario,
+    ObstacleCircuitScenario,
+    ParallelParkScenario,
     ReversePathScenario,
     WallFollowScenario,
 )
@@ -95,7 +97,10 @@ class Watched:
 WALLS = WallFollowScenario(observation="full")
 LATE = CameraLaneScenario(sensors={"edge_distance": {"period": 0.08}})
 EVERY = (LaneKeepScenario(preview=11), LATE, WALLS, CircuitScenario(), EvasiveScenario(), ReversePathScenario())
-SCENARIOS = {n: scenario for scenario in (*EVERY, DriveScenario()) for n in lanekeep_baselines.names(scenario)}
+COURSES = (ObstacleCircuitScenario(), ParallelParkScenario())
+SCENARIOS = {
+    n: scenario for scenario in (*EVERY, *COURSES, DriveScenario()) for n in lanekeep_baselines.names(scenario)
+}
 #: Fields that every policy may read.
 BASE = {name for name, member in vars(Scenario).items() if isinstance(member, property)}
 every_policy = pytest.mark.parametrize("name", lanekeep_baselines.names())
@@ -173,6 +178,8 @@ TOLD = [
     ("CameraLaneScenario", {}),
     ("WallFollowScenario", {"observation": "full"}),
     ("CircuitScenario", {}),
+    ("ObstacleCircuitScenario", {}),
+    ("ParallelParkScenario", {}),
     ("EvasiveScenario", {}),
     ("ReversePathScenario", {}),
     ("DriveScenario", {}),
