@@ -82,6 +82,7 @@ PICTURES = {
         "figures_3_33_to_3_40.png",
         "kalman_filter.png",
         "one_sample_late.png",
+        "parking_gaps.png",
         "perception_1_points.png",
         "perception_2_classes.png",
         "perception_3_jump_points.png",

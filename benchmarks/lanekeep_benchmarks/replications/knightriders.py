@@ -1,4 +1,4 @@
-"""Team KnightRiders 2017: chapter 3's controllers along a wall, designed and simulated again; chapter 4's perception.
+"""Team KnightRiders 2017: chapter 3's controllers along a wall, perception (4) and parking (5), computed again.
 
 The report prints the cascade's poles and gains and the poles of the PD; its responses are curves. "Checked" numbers
 were recomputed from its equations and listings by others than the authors of this code. Units: `wall_simulation`.
@@ -10,6 +10,7 @@ from lanekeep_benchmarks.replications.knightriders_designs import cascade, pd, p
 from lanekeep_benchmarks.replications.knightriders_drives import comparison, kalman_filter, one_sample
 from lanekeep_benchmarks.replications.knightriders_figures import responses
 from lanekeep_benchmarks.replications.knightriders_loci import root_loci
+from lanekeep_benchmarks.replications.knightriders_parking import parking
 from lanekeep_benchmarks.replications.knightriders_perception import perception
 
 STEPS = (
@@ -23,4 +24,5 @@ STEPS = (
     ("one sample of delay", one_sample),
     ("Kalman filter", kalman_filter),
     ("perception", perception),
+    ("parking", parking),
 )
