@@ -5,8 +5,9 @@ gone X_total (36) along it, which is the report's gap length and in truth the re
 drives back by encoder: an arc to the right, a straight, an arc to the left (33, 37), of 45 degrees, with D/2 of (29),
 which is the front axle's radius, for both sides. Misprints are corrected: (33) in radians, (35) with Y_total once.
 
-Decisions, where the text is silent: what a jump is, the speeds, that the car shall stand `AIR` from the kerb, and that
-it stops before a wall.
+The car stops where its rear axle is X_total and its own overhang beyond the gap's begin: the text counts from the gap's
+begin as the sensor sees it, and would end in the box behind. Decisions, where the text is silent: what a jump is, the
+speeds, that the car shall stand `AIR` from the kerb, and that it stops before a wall.
 """
 
 from __future__ import annotations
@@ -62,6 +63,8 @@ class KnightRidersParkPublished(DrivingPolicy):
         car = scenario.vehicle
         self._limit = min(scenario.max_steering_angle, car.steering.angle_limit or np.inf)
         self._radius = car.wheelbase / np.sin(self._limit)
+        # The sensor is half-way between the axles; the body reaches beyond the rear one.
+        self._ahead = 0.5 * car.wheelbase + 0.5 * (car.length - car.wheelbase) + self.AIR
         self._half_width, self._step = 0.5 * car.width, scenario.control_step
         self.memory = len(Progress._fields)
 
@@ -75,18 +78,19 @@ class KnightRidersParkPublished(DrivingPolicy):
         last = Progress(*(np.where(new, a, b) for a, b in zip(begin, memory.T, strict=True)))
         way = 0.5 * (last.speed + at["speed"]) * self._step
         searches = last.back < 0.0
-        inside = right > last.row + self.JUMP
-        along = np.where(inside, np.maximum(last.along, 0.0) + way, -1.0)
-        wall = np.where(inside, np.maximum(last.wall, right), 0.0)
-        along, wall = np.where(searches, along, last.along), np.where(searches, wall, last.wall)
-        row = last.row + np.where(inside | ~searches, 0.0, self.FOLLOWS * (right - last.row))  # slowly: ends are ramps
-        # (30) to (37).
+        # (30) to (37), with what was seen of the gap so far.
         across = 2.0 * self._radius * (1.0 - np.cos(PARKING_ANGLE))
-        shift = np.maximum(wall - self._half_width - self.AIR, across)
+        shift = np.maximum(last.wall - self._half_width - self.AIR, across)
         middle = shift - across
         total = 2.0 * self._radius * np.sin(PARKING_ANGLE) + middle
-        found = searches & (along >= total)
-        back = np.where(searches, np.where(found, 0.0, -1.0), last.back - np.minimum(way, 0.0))
+        found = last.along >= total
+        inside = (right > last.row + self.JUMP) | found
+        along = np.where(inside, np.maximum(last.along, 0.0) + way, -1.0)
+        wall = np.where(inside & ~found, np.maximum(last.wall, right), np.where(found, last.wall, 0.0))
+        along, wall = np.where(searches, along, last.along), np.where(searches, wall, last.wall)
+        row = last.row + np.where(inside | ~searches, 0.0, self.FOLLOWS * (right - last.row))  # slowly: ends are ramps
+        stops = found & (along >= total + self._ahead)
+        back = np.where(searches, np.where(stops, 0.0, -1.0), last.back - np.minimum(way, 0.0))
         arc, straight = self._radius * PARKING_ANGLE, np.sqrt(2.0) * middle
         ends = arc, arc + straight, 2.0 * arc + straight
         steering = np.where(back < ends[0], -self._limit, np.where(back < ends[1], 0.0, self._limit))
