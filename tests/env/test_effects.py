@@ -105,7 +105,7 @@ def made(env_id, keywords, around=False):
 
 
 def driven(env):
-    """Yield all that an environment shows of three short drives: gentle, at random, and for longer with held actions."""
+    """Yield all that an environment shows of three short drives: gentle, at random, and longer with held actions."""
     yield np.array([f"{channel}" for channel in env.unwrapped.channels])
     yield np.concatenate([env.observation_space.low, env.observation_space.high], dtype=np.float64)
     rng = np.random.default_rng(5)
