@@ -291,7 +291,9 @@ def each_option_and_pairs(name):
     """Each value alone, then few keyword sets among which every pair of values occurs, defaults included."""
     options = OPTIONS[name]
     yield from alone(options)
-    places = {key: range(len(values) + 1) for key, values in options.items()}  # the last one is the default
+    places = {
+        key: range(len(values) + 1) for key, values in options.items()
+    }  # the last one is the default, which wins ties: fewer kernels
     spots = [(key, place) for key in places for place in places[key]]
     missing = dict.fromkeys((a, b) for a, b in itertools.combinations(spots, 2) if a[0] != b[0])
     while missing:
@@ -301,7 +303,7 @@ def each_option_and_pairs(name):
                 place: sum((a, (key, place)) in missing or ((key, place), a) in missing for a in row.items())
                 for place in places[key]
             }
-            row[key] = max(pairs, key=pairs.__getitem__)
+            row[key] = max(reversed(pairs), key=pairs.__getitem__)
         missing = {(a, b): None for a, b in missing if row[a[0]] != a[1] or row[b[0]] != b[1]}
         yield {key: options[key][place] for key, place in row.items() if place < len(options[key])}
 
