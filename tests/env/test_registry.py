@@ -287,10 +287,21 @@ def test_channels_name_the_observation(name):
     np.testing.assert_array_equal(space.low, np.float32([c.low for c in channels]))
 
 
-def each_option_and_pairs(name):
-    """Each value alone, then few keyword sets among which every pair of values occurs, defaults included."""
-    options = OPTIONS[name]
-    yield from alone(options)
+#: One id a family of worlds, where each id would be a kernel for threads to compile.
+FAMILIES = ("lanekeep/LaneKeep-v0", "lanekeep/Circuit-v0")
+#: Options whose values decide what is compiled: each combination may be a kernel of its own.
+COMPILED = ("vehicle", "dynamics", "tyre", "servo", "scan", "sensors", "dtype")
+#: Pairs of those take a minute an id to compile.
+PAIRED = pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+
+
+def each_option_and_pairs(name, compiled=True):
+    """Each value alone, then few keyword sets among which every pair of values occurs, defaults included.
+
+    Without ``compiled`` no pairs of what decides what is compiled.
+    """
+    yield from alone(OPTIONS[name])
+    options = {key: values for key, values in OPTIONS[name].items() if compiled or key not in COMPILED}
     places = {
         key: range(len(values) + 1) for key, values in options.items()
     }  # the last one is the default, which wins ties: fewer kernels
@@ -317,19 +328,21 @@ def test_every_pair_of_values_is_tried():
                 assert any(row.get(a) == first and row.get(b) == second for row in tried), (a, first, b, second)
 
 
+@PAIRED
 @pytest.mark.parametrize("name", IDS)
-def test_check_env_passes_for_each_option_alone_and_in_pairs(name):
-    for chosen in each_option_and_pairs(name):
+def test_check_env_passes_for_each_option_alone_and_in_pairs(name, compiled):
+    for chosen in each_option_and_pairs(name, compiled):
         try:
             checked(gym.make(name, **with_effect(name, chosen)))
         except Exception as error:
             raise AssertionError(f"{name} with {chosen}: {error}") from error
 
 
+@PAIRED
 @pytest.mark.parametrize("name", IDS)
-def test_stable_baselines_check_passes_for_each_option_alone_and_in_pairs(name):
+def test_stable_baselines_check_passes_for_each_option_alone_and_in_pairs(name, compiled):
     check = pytest.importorskip("stable_baselines3.common.env_checker").check_env
-    for chosen in each_option_and_pairs(name):
+    for chosen in each_option_and_pairs(name, compiled):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             check(gym.make(name, **with_effect(name, chosen)).unwrapped)
@@ -360,7 +373,9 @@ def test_the_hash_sees_every_option(name):
         assert (first == second) == (first.hash == second.hash)
 
 
-@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize(
+    "name", [name if name in FAMILIES else pytest.param(name, marks=pytest.mark.slow) for name in IDS]
+)
 def test_async_vector_env_works_after_a_threaded_call(name):
     """A child forked behind an OpenMP region must not touch it: single environments never do."""
     threaded = gym.make_vec(name, num_envs=1024, vectorization_mode="vector_entry_point", num_threads=2)
