@@ -146,7 +146,12 @@ def test_what_is_refused_changes_nothing(env_id, alone):
             text = str(error.value)
             assert text.startswith(f"{path}=") and need.why in text and "; allowed: " in text and "\n" not in text
             assert not alone or same(plain, driven(made(env_id, changed, around=True))), (keywords, path)
-        assert same(plain, driven(made(env_id, given(scenario, keywords, changes), around=True))), (keywords, changes)
+        together = given(scenario, keywords, changes)
+        with pytest.raises(ValueError, match="has no effect in this scenario") as error:
+            made(env_id, together)
+        text = str(error.value)
+        assert all(f"{path}=" in text for path in changes) and "\n" not in text and len(text) < 1500
+        assert same(plain, driven(made(env_id, together, around=True))), (keywords, changes)
         tried |= changes.keys()
     assert tried
 

@@ -5,6 +5,7 @@ import dataclasses
 import itertools
 import json
 import pickle
+import re
 import subprocess
 import sys
 import warnings
@@ -222,6 +223,8 @@ def test_the_row_names_the_scenario_and_all_forms_have_its_length(name):
         assert type(env.unwrapped).scenario_class is row.scenario is type(env.unwrapped.scenario)
         assert env.spec.max_episode_steps == env.unwrapped.scenario.episode_steps
         assert env.unwrapped.channels == single.unwrapped.channels
+    lengths = re.findall(r"Truncated after\s+`episode_steps` \((\d+)\)", type(single.unwrapped).__doc__)
+    assert lengths == [str(row.scenario().episode_steps)]
 
 
 @pytest.mark.parametrize("name", IDS)
