@@ -1,10 +1,11 @@
 # The same steps by hand and in .ci/run. Use an active virtual environment, or name one: make test PYTHON=.venv/bin/python
 PYTHON ?= python
 
-.PHONY: help install format lint types test smoke compat lowest bench speed same metrics fuzz ci
+.PHONY: help install format lint types test slow smoke compat lowest bench speed same metrics fuzz ci
 help:
 	@echo "make install | format | lint | types | test | smoke | compat | lowest | bench | speed | ci"
 	@echo "make same OLD=another checkout: whether both drive equal episodes, equally fast | metrics: sizes of the code"
+	@echo "make slow: the large draws of what the tests draw smaller"
 	@echo "make fuzz: 10,000 random scenarios, 3,000 damaged files of each kind (half an hour)"
 
 install:
@@ -21,8 +22,12 @@ lint:
 types:
 	$(PYTHON) -m mypy
 
+# Half of the tests each, in order, so that what a file's tests share is made once; then a worker takes from the other.
 test:
-	$(PYTHON) -m pytest -n 2
+	$(PYTHON) -m pytest -n 2 --dist worksteal
+
+slow:
+	$(PYTHON) -m pytest -n 2 --dist worksteal -m slow
 
 # The built wheel with its light core alone, in a virtual environment of its own, outside the repository.
 smoke:

@@ -52,7 +52,7 @@ class CameraLaneEnv(RoadEnv):
     ## Episode End
 
     Terminates when the rear axle is more than half a `lane_width` (3 m) from the lane's centre. Truncated after
-    `episode_steps` control steps of 0.04 s (a PAL camera's 25 pictures a second).
+    `episode_steps` (1000) control steps of 0.04 s (a PAL camera's 25 pictures a second).
 
     ## Arguments
 
@@ -97,7 +97,7 @@ class TurnOffEnv(RoadEnv):
     ## Episode End
 
     Terminates when the rear axle is more than half a `lane_width` (3 m) from the lane's centre. Truncated after
-    `episode_steps` control steps of 0.04 s.
+    `episode_steps` (1500) control steps of 0.04 s.
 
     ## Arguments
 

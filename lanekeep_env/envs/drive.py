@@ -44,7 +44,7 @@ class DriveEnv(RoadEnv):
 
     ## Episode End
 
-    Terminates when the car leaves its lane or meets the car ahead. Truncated after `episode_steps` of 0.02 s.
+    Terminates when the car leaves its lane or meets the car ahead. Truncated after `episode_steps` (3000) of 0.02 s.
 
     ## Arguments
 

@@ -29,7 +29,7 @@ class EvasiveEnv(RoadEnv):
     ## Episode End
 
     Terminates when the centre of gravity is more than half a `lane_width` (4 m) from the path. Truncated after
-    `episode_steps` of 0.02 s.
+    `episode_steps` (300) of 0.02 s.
 
     ## Arguments
 
@@ -75,7 +75,7 @@ class ReversePathEnv(RoadEnv):
     ## Episode End
 
     Terminates when the rear axle is more than half a `lane_width` (3 m) from the path. Truncated after
-    `episode_steps` of 0.02 s.
+    `episode_steps` (1500) of 0.02 s.
 
     ## Arguments
 

@@ -59,7 +59,7 @@ class LaneKeepEnv(RoadEnv):
 
     Terminates when the centre of gravity is more than half a `lane_width` (3.5 m) from the lane's centre
     (`departure="terminate"`; `"cost"` charges and goes on, `"off"` ignores it). Truncated after
-    `episode_steps` control steps of `control_step` (0.05 s); Gymnasium's `max_episode_steps` can
+    `episode_steps` (600) control steps of `control_step` (0.05 s); Gymnasium's `max_episode_steps` can
     shorten that. What an ended episode gives if stepped on means nothing; its rewards are 0.
 
     ## Arguments

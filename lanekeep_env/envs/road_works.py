@@ -29,7 +29,7 @@ class RoadWorksEnv(RoadEnv):
     ## Episode End
 
     Terminates when the car's body touches the lane's edge: |lateral_error| > (lane_width - car width) / 2, 0.475 m
-    for a car of 1.8 m. Truncated after `episode_steps` of 0.05 s.
+    for a car of 1.8 m. Truncated after `episode_steps` (600) of 0.05 s.
 
     ## Arguments
 

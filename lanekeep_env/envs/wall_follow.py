@@ -55,7 +55,7 @@ class WallFollowEnv(WallEnv):
     ## Episode End
 
     Terminates when the body touches a wall (`contact="terminate"`; with `"cost"` the wall holds the car and charges,
-    with `"off"` it only holds it). Truncated after `episode_steps` control steps of 0.045 s.
+    with `"off"` it only holds it). Truncated after `episode_steps` (600) control steps of 0.045 s.
 
     ## Arguments
 
@@ -108,7 +108,7 @@ class CircuitEnv(WallEnv):
 
     ## Episode End
 
-    Terminates with the lap (`laps`) or with a contact. Truncated after `episode_steps` of 0.045 s.
+    Terminates with the lap (`laps`) or with a contact. Truncated after `episode_steps` (1800) of 0.045 s.
 
     ## Arguments
 

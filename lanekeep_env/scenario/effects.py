@@ -43,10 +43,11 @@ def unmet(scenario: Any, needs: tuple[Need, ...]) -> dict[str, Need]:
 
 
 def refuse_idle(scenario: Any, without_effect: Mapping[str, Need], given: Mapping[str, Any]) -> None:
-    """Raise ValueError for the first of the ``given`` keywords that says what has no effect.
+    """Raise ValueError, in one line, for the ``given`` keywords that say what has no effect.
 
     What equals a default is as good as not given: that of the scenario's field or, of a record in it, the record's.
     """
+    found: dict[str, tuple[Any, Any]] = {}
     for path, need in without_effect.items():
         top, _, inner = path.partition(".")
         value, usual = getattr(scenario, top), _default(type(scenario), top)
@@ -58,10 +59,16 @@ def refuse_idle(scenario: Any, without_effect: Mapping[str, Need], given: Mappin
             defaults = [default for default in defaults if default is not MISSING]
             value = getattr(value, inner)
         if top in given and value not in (*defaults, *need.neutral):
-            raise ValueError(
-                f"{path}={shown(value)} ({need.what}) has no effect in this scenario: {need.why}; "
-                f"allowed: {shown(defaults[-1])}, or leave it out"
-            )
+            found[path] = value, defaults[-1]
+    if found:
+        first, *others = (f"{path}={shown(value)}" for path, (value, _) in found.items())
+        path, (_, allowed) = next(iter(found.items()))
+        need = without_effect[path]
+        further = f"; without effect as well: {', '.join(others)}" if others else ""
+        raise ValueError(
+            f"{first} ({need.what}) has no effect in this scenario: {need.why}; "
+            f"allowed: {shown(allowed)}, or leave it out{further}"
+        )
 
 
 def _default(record: type, name: str) -> Any:

@@ -11,7 +11,7 @@ from lanekeep_agents import sb3_vec_env
 
 
 @pytest.mark.parametrize("name", sorted(lanekeep_env.ENVIRONMENTS))
-def test_lanes_are_the_single_environments(name):
+def test_cars_are_the_single_environments(name):
     cars = 5
     venv = sb3_vec_env(name, cars, max_episode_steps=25)
     venv.seed(40)

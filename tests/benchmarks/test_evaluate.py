@@ -51,7 +51,7 @@ def test_every_episode_of_every_policy_once(results):
 
 
 @pytest.mark.parametrize("cars", [1, 2, 3, 256])
-def test_the_number_of_lanes_changes_nothing(results, cars):
+def test_the_number_of_cars_changes_nothing(results, cars):
     def place(result):
         return result.scenario, result.policy, result.episode
 

@@ -62,7 +62,7 @@ def test_a_sensor_of_400_digits_is_refused():
 
 
 @pytest.mark.parametrize("number", [HUGE, 10**12, 0, -1, 1.5, "3", True])
-def test_a_number_of_lanes_is_bounded(number):
+def test_a_number_of_cars_is_bounded(number):
     make = {"vectorization_mode": "vector_entry_point"}
     assert "num_envs=" in refusal(lambda: gym.make_vec("lanekeep/LaneKeep-v0", num_envs=number, **make))
 

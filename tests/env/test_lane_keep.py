@@ -204,7 +204,7 @@ def test_wrong_reset_options_are_named():
             env.reset(seed=0, options=options)
 
 
-def test_a_lane_that_starts_anew_ignores_its_action():
+def test_a_car_that_starts_anew_ignores_its_action():
     """Next-step autoreset: the action of the step that only resets is neither counted nor checked."""
     env = gym.make_vec(ID, 2, "vector_entry_point", max_episode_steps=3)
     env.reset(seed=0)

@@ -1,9 +1,10 @@
-"""Ten thousand episodes over the whole range of parameters: numbers stay numbers and inside their spaces."""
+"""Thousands of episodes over the whole range of parameters: numbers stay numbers and inside their spaces."""
 
 import warnings
 
 import gymnasium as gym
 import numpy as np
+import pytest
 from with_effect import with_effect
 
 import lanekeep_baselines
@@ -93,12 +94,13 @@ def driver(guided, scenario):
     return lanekeep_baselines.make(min(able, key=lambda name: guided.get(name, 0)), scenario) if able else None
 
 
-def test_ten_thousand_random_episodes_give_numbers_inside_their_bounds():
+@pytest.mark.parametrize("wanted", [2_000, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_random_episodes_give_numbers_inside_their_bounds(wanted):
     """Half of the cars hold random actions, gentle ones and ones at the limits; half are steered by a policy."""
     rng, cars, steps = np.random.default_rng(2008), 16, 120
     episodes, guided = 0, {}
     for name in (EVASIVE, REVERSE, DRIVE):
-        until = episodes + 3334
+        until = episodes + wanted // 3 + 1
         while episodes < until:
             keywords = with_effect(name, random_keywords(rng, name))
             limit = int(np.exp(rng.uniform(np.log(5.0), np.log(steps))))
@@ -133,6 +135,6 @@ def test_ten_thousand_random_episodes_give_numbers_inside_their_bounds():
             if name == DRIVE:
                 assert (env.unwrapped._core.cars[:, at.SPEED] >= 0.0).all(), keywords
             env.close()
-    assert episodes >= 10_000
+    assert episodes >= wanted
     expected = {policy for policy in lanekeep_baselines.names() if policy.startswith("werling")}
-    assert set(guided) == expected and min(guided.values()) > 100, guided
+    assert set(guided) == expected and min(guided.values()) > wanted // 100, guided

@@ -5,6 +5,7 @@ import dataclasses
 import itertools
 import json
 import pickle
+import re
 import subprocess
 import sys
 import warnings
@@ -249,6 +250,8 @@ def test_the_row_names_the_scenario_and_all_forms_have_its_length(name):
         assert type(env.unwrapped).scenario_class is row.scenario is type(env.unwrapped.scenario)
         assert env.spec.max_episode_steps == env.unwrapped.scenario.episode_steps
         assert env.unwrapped.channels == single.unwrapped.channels
+    lengths = re.findall(r"Truncated after\s+`episode_steps` \((\d+)\)", type(single.unwrapped).__doc__)
+    assert lengths == [str(row.scenario().episode_steps)]
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -314,11 +317,24 @@ def test_channels_name_the_observation(name):
     np.testing.assert_array_equal(space.low, np.float32([c.low for c in channels]))
 
 
-def each_option_and_pairs(name):
-    """Each value alone, then few keyword sets among which every pair of values occurs, defaults included."""
-    options = OPTIONS[name]
-    yield from alone(options)
-    places = {key: range(len(values) + 1) for key, values in options.items()}  # the last one is the default
+#: One id a family of worlds, where each id would be a kernel for threads to compile.
+FAMILIES = ("lanekeep/LaneKeep-v0", "lanekeep/Circuit-v0")
+#: Options whose values decide what is compiled: each combination may be a kernel of its own.
+COMPILED = ("vehicle", "dynamics", "tyre", "servo", "scan", "sensors", "dtype")
+#: Pairs of those take a minute an id to compile.
+PAIRED = pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+
+
+def each_option_and_pairs(name, compiled=True):
+    """Each value alone, then few keyword sets among which every pair of values occurs, defaults included.
+
+    Without ``compiled`` no pairs of what decides what is compiled.
+    """
+    yield from alone(OPTIONS[name])
+    options = {key: values for key, values in OPTIONS[name].items() if compiled or key not in COMPILED}
+    places = {
+        key: range(len(values) + 1) for key, values in options.items()
+    }  # the last one is the default, which wins ties: fewer kernels
     spots = [(key, place) for key in places for place in places[key]]
     missing = dict.fromkeys((a, b) for a, b in itertools.combinations(spots, 2) if a[0] != b[0])
     while missing:
@@ -328,7 +344,7 @@ def each_option_and_pairs(name):
                 place: sum((a, (key, place)) in missing or ((key, place), a) in missing for a in row.items())
                 for place in places[key]
             }
-            row[key] = max(pairs, key=pairs.__getitem__)
+            row[key] = max(reversed(pairs), key=pairs.__getitem__)
         missing = {(a, b): None for a, b in missing if row[a[0]] != a[1] or row[b[0]] != b[1]}
         yield {key: options[key][place] for key, place in row.items() if place < len(options[key])}
 
@@ -342,19 +358,21 @@ def test_every_pair_of_values_is_tried():
                 assert any(row.get(a) == first and row.get(b) == second for row in tried), (a, first, b, second)
 
 
+@PAIRED
 @pytest.mark.parametrize("name", IDS)
-def test_check_env_passes_for_each_option_alone_and_in_pairs(name):
-    for chosen in each_option_and_pairs(name):
+def test_check_env_passes_for_each_option_alone_and_in_pairs(name, compiled):
+    for chosen in each_option_and_pairs(name, compiled):
         try:
             checked(gym.make(name, **with_effect(name, chosen)))
         except Exception as error:
             raise AssertionError(f"{name} with {chosen}: {error}") from error
 
 
+@PAIRED
 @pytest.mark.parametrize("name", IDS)
-def test_stable_baselines_check_passes_for_each_option_alone_and_in_pairs(name):
+def test_stable_baselines_check_passes_for_each_option_alone_and_in_pairs(name, compiled):
     check = pytest.importorskip("stable_baselines3.common.env_checker").check_env
-    for chosen in each_option_and_pairs(name):
+    for chosen in each_option_and_pairs(name, compiled):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             check(gym.make(name, **with_effect(name, chosen)).unwrapped)
@@ -385,7 +403,9 @@ def test_the_hash_sees_every_option(name):
         assert (first == second) == (first.hash == second.hash)
 
 
-@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize(
+    "name", [name if name in FAMILIES else pytest.param(name, marks=pytest.mark.slow) for name in IDS]
+)
 def test_async_vector_env_works_after_a_threaded_call(name):
     """A child forked behind an OpenMP region must not touch it: single environments never do."""
     threaded = gym.make_vec(name, num_envs=1024, vectorization_mode="vector_entry_point", num_threads=2)

@@ -56,7 +56,7 @@ def gentle(rng, steps, env, spread=0.15):
 
 @pytest.mark.parametrize("mode", ["next_step", "same_step"])
 @pytest.mark.parametrize(("name", "keywords"), VARIANTS)
-def test_lanes_equal_single_environments_bitwise(name, keywords, mode):
+def test_cars_equal_single_environments_bitwise(name, keywords, mode):
     cars, steps, seed = 21, 150, 1234
     make = {"max_episode_steps": 60, **keywords}
     vector = gym.make_vec(name, cars, "vector_entry_point", autoreset_mode=mode, **make)
@@ -91,7 +91,7 @@ def test_lanes_equal_single_environments_bitwise(name, keywords, mode):
 @pytest.mark.parametrize(("name", "keywords"), MANY)
 @settings(max_examples=20, deadline=None)
 @given(cars=st.integers(1, 600), seed=st.integers(0, 2**31), threads=st.sampled_from([1, 2]))
-def test_a_lane_does_not_depend_on_the_number_of_lanes_or_threads(name, keywords, cars, seed, threads):
+def test_a_car_does_not_depend_on_the_number_of_cars_or_threads(name, keywords, cars, seed, threads):
     """SIMD bodies, remainders and blocks give the same bits; float32 too."""
     for dtype in ("float64", "float32"):
         many = gym.make_vec(name, cars, "vector_entry_point", dtype=dtype, num_threads=threads, **keywords)
@@ -162,7 +162,7 @@ def test_an_episode_ends_at_its_own_length_or_the_shorter_limit(keywords, steps)
 
 
 @pytest.mark.parametrize("name", [ID, CAMERA, WALL, CIRCUIT, EVASIVE, REVERSE, DRIVE])
-def test_reset_mask_restarts_only_the_chosen_lanes(name):
+def test_reset_mask_restarts_only_the_chosen_cars(name):
     vector = gym.make_vec(name, 5, "vector_entry_point", autoreset_mode="disabled")
     reference = gym.make_vec(name, 5, "vector_entry_point", autoreset_mode="disabled")
     rng = np.random.default_rng(0)

@@ -69,7 +69,7 @@ def test_against_the_environment() -> None:
     assert (off < [1e-6, 1e-5, 2e-5, 2e-3, 2e-3]).all(), off
 
 
-def test_lanes_are_independent_and_stretches_start_at_the_anchor() -> None:
+def test_cars_are_independent_and_stretches_start_at_the_anchor() -> None:
     run = excited_drive(3, seconds=10.0, noise=SILENT)
     parameters = TRUTH * np.linspace(0.7, 1.3, 4)[:, None]
     start = np.zeros((4, 3))

@@ -1,9 +1,11 @@
 """Thousands of random episodes over the whole parameter range: no NaN, no exception, observations inside the space."""
 
+import itertools
 import math
 
 import gymnasium as gym
 import numpy as np
+import pytest
 from with_effect import with_effect
 
 import lanekeep_env  # noqa: F401
@@ -11,13 +13,18 @@ import lanekeep_env  # noqa: F401
 IDS = ("lanekeep/WallFollow-v0", "lanekeep/Circuit-v0")
 
 
-#: Whether there is backlash, a servo, a scan: each combination is compiled by itself, for each model and precision.
-EQUIPMENT = ((False, False, True, "float64"), (True, True, True, "float64"), (False, True, False, "float32"))
+#: What a car may have; each combination is compiled by itself.
+EQUIPMENT = ("gear", "servo", "scan", "float32", "tyres", "sensors")
+#: Of each two of them there is a car with both, with neither, and with either one.
+FEW = ((), EQUIPMENT, ("gear", "servo", "scan"), ("gear", "float32", "tyres"))
+FEW += (("servo", "float32", "sensors"), ("scan", "tyres", "sensors"))
+EVERY = tuple(itertools.chain.from_iterable(itertools.combinations(EQUIPMENT, count) for count in range(7)))
 
 
-def random_keywords(rng, circuit):
-    """A point of the whole parameter space, but for combinations of equipment: a few stand for all."""
-    geared, served, scanned, dtype = EQUIPMENT[rng.integers(len(EQUIPMENT))]
+def random_keywords(rng, circuit, combinations=FEW):
+    """A point of the whole parameter space, with one of some combinations of equipment."""
+    has = combinations[rng.integers(len(combinations))]
+    geared = "gear" in has
 
     def pick(*values):
         return values[rng.integers(len(values))]
@@ -35,7 +42,7 @@ def random_keywords(rng, circuit):
                 "angle_limit": pick(None, 0.38, 1.0),
             },
         },
-        "dynamics": pick("kinematic", "dynamic"),
+        "dynamics": "dynamic" if "tyres" in has else "kinematic",
         "world": pick(
             {"kind": "random-circuits", "count": 5, **glass},
             {"kind": "circuit", "corridor": float(rng.uniform(0.8, 3.0)), "clockwise": bool(rng.integers(2)), **glass},
@@ -47,7 +54,9 @@ def random_keywords(rng, circuit):
         "action": pick("steering_angle", "steering_rate"),
         "max_steering_angle": float(rng.uniform(0.05, 1.3)),
         "steering_offset": pick(0.0, (-0.05, 0.05), 0.1),
-        "servo": pick({"left": 0.5, "right": 0.2, "ticks": 50}, {"angles": (-1.3, -0.1, 0.2)}) if served else None,
+        "servo": pick({"left": 0.5, "right": 0.2, "ticks": 50}, {"angles": (-1.3, -0.1, 0.2)})
+        if "servo" in has
+        else None,
         "set_distance": float(rng.uniform(0.1, 6.0)),
         "start_lateral_error": float(rng.uniform(0.0, 3.0)),
         "start_heading_error": float(rng.uniform(0.0, 3.1)),
@@ -58,21 +67,22 @@ def random_keywords(rng, circuit):
             "kinect",
             {"beams": 7, "field_of_view": 6.2, "noise": 0.5, "jump_errors": 1.0, "nearest": 0.0, "missing_rim": 5},
         )
-        if scanned
+        if "scan" in has
         else "none",
         "encoder_ticks": pick(0, 8, 40),
         "encoder_direction": bool(rng.integers(2)),
         "observation": pick("measured", "full"),
         "randomisation": pick("nominal", "mismatch", "stress"),
         "sensors": pick(
-            None,
             "production",
             "poor",
             {"distance_right": {"noise": 2.0, "bias": 3.0, "dropout": 0.5, "delay": 0.09}, "speed": {"noise": 30.0}},
-        ),
+        )
+        if "sensors" in has
+        else None,
         "control_step": pick(0.045, 0.045, 0.09, 0.015),
         "episode_steps": pick(40, 600),
-        "dtype": dtype,
+        "dtype": "float32" if "float32" in has else "float64",
         "autoreset_mode": pick("next_step", "same_step"),
     }
     if circuit:
@@ -89,13 +99,16 @@ def random_keywords(rng, circuit):
     return keywords
 
 
-def test_three_thousand_random_episodes_over_the_whole_parameter_range():
+@pytest.mark.parametrize(
+    ("wanted", "combinations"), [(1500, FEW), pytest.param(6000, EVERY, marks=pytest.mark.slow)], ids=["few", "every"]
+)
+def test_random_episodes_over_the_whole_parameter_range(wanted, combinations):
     rng = np.random.default_rng(2017)
     cars, steps, episodes, contacts = 16, 60, 0, 0
     for k in range(10_000):
-        if episodes >= 3000:
+        if episodes >= wanted:
             break
-        keywords = with_effect(IDS[k % 2], random_keywords(rng, k % 2))
+        keywords = with_effect(IDS[k % 2], random_keywords(rng, k % 2, combinations))
         env = gym.make_vec(IDS[k % 2], cars, "vector_entry_point", max_episode_steps=50, **keywords)
         low, high = env.observation_space.low, env.observation_space.high
         observation, infos = env.reset(seed=int(rng.integers(2**31)))
@@ -112,7 +125,7 @@ def test_three_thousand_random_episodes_over_the_whole_parameter_range():
             assert np.isfinite(reward).all(), keywords
             episodes += int((ended | truncated).sum())
             contacts += int((ended & (infos["termination"] == 2)).sum())
-    assert contacts > 500
+    assert contacts > wanted // 6
 
 
 def test_single_environments_run_random_episodes_too():
