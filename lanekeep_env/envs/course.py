@@ -41,7 +41,7 @@ class ObstacleCircuitEnv(CourseEnv):
 
     ## Episode End
 
-    Terminates with the lap (`laps`) or with a contact. Truncated after `episode_steps` of 0.045 s.
+    Terminates with the lap (`laps`) or with a contact. Truncated after `episode_steps` (2700) of 0.045 s.
 
     ## Arguments
 
@@ -100,7 +100,7 @@ class ParallelParkEnv(CourseEnv):
 
     Terminates when the car has stood for 2 s (`parking_time`, below 0.01 m/s) inside a gap, at most 0.15 m from the
     kerb (`kerb_distance`) and within 5 degrees of it (`parking_angle`), or with a contact. Truncated after
-    `episode_steps` of 0.045 s.
+    `episode_steps` (1400) of 0.045 s.
 
     ## Arguments
 

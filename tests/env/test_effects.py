@@ -35,6 +35,8 @@ SCENARIOS = {
     "Drive": [ROAD[1], {"traffic": [(0.0, "speed", 8.0)]}, {"powertrain": {"creep": 0.0}}],
     "WallFollow": [*WALLS, {"contact": "cost"}, {"speed": {**CONSTANT, "hold": None}}],
     "Circuit": [*WALLS, {"vehicle": {"base": "pses", "steering": {"lag": 0.05}}}],
+    "ObstacleCircuit": [WALLS[0]],
+    "ParallelPark": [{"modes": [(0.0, "park"), (0.9, "roundtrip")]}],
 }
 #: Values of fields within records, where a third more of the default would not do.
 INNER = {
@@ -158,7 +160,7 @@ def test_what_is_refused_changes_nothing(env_id, alone):
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_what_is_taken_changes_something(env_id):
-    """Some value of each option does; only who finishes a lap sees how many are asked for."""
+    """Some value of each option does; only who is done sees how many laps are asked for, and what it takes to park."""
     plain, changes = {}, {}
     for chosen in registry.alone({name: v for name, v in registry.OPTIONS[env_id].items() if name != "dtype"}):
         *beside, name = chosen
@@ -166,7 +168,8 @@ def test_what_is_taken_changes_something(env_id):
         key = json.dumps(keywords)
         plain[key] = plain.get(key) or list(driven(made(env_id, keywords)))
         changes[name] = changes.get(name, False) or not same(plain[key], driven(made(env_id, chosen)))
-    assert [name for name, change in changes.items() if not change] == (["laps"] if "laps" in changes else [])
+    unseen = [name for name in changes if name in ("laps", "parking_angle", "parking_time")]
+    assert [name for name, change in changes.items() if not change] == unseen
 
 
 @pytest.mark.parametrize("env_id", IDS)

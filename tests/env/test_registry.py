@@ -173,6 +173,7 @@ INTO_A_SPACE = {
     ],
     "modes": [[(0.0, "roundtrip"), (0.9, "park")]],
     "laps": [],
+    "max_speed": [0.8],
     "kerb_distance": [0.1],
     "parking_angle": [0.05],
     "parking_time": [1.0],
