@@ -55,7 +55,7 @@ class ScanReader:
 
     def __init__(self, scan: Scan) -> None:
         self.channels = tuple(f"scan_{k}" for k in range(scan.beams))
-        self._angles = (np.arange(scan.beams) * scan.step - 0.5 * scan.field_of_view)[:, None]
+        self.angles = (np.arange(scan.beams) * scan.step - 0.5 * scan.field_of_view)[:, None]
         faulty = scan.noise > 0.0 or scan.missing_every > 0 or scan.jump_errors > 0.0
         self._window = self.WINDOW if faulty else 1
 
@@ -70,12 +70,12 @@ class ScanReader:
 
     def ahead(self, ranges: Floats, heading: Floats) -> Floats:
         """Return the distance of the wall ahead along the leg, m, (n,), inf where nothing is known."""
-        angle = self._angles + heading
+        angle = self.angles + heading
         return median(np.where(np.abs(angle) <= self.AHEAD, ranges * np.cos(angle), np.inf))
 
     def wall_end(self, ranges: Floats, heading: Floats, distance: Floats, side: float) -> WallEnd:
         """Return where the wall at a ``distance`` (m, (n,)) of the camera ends; ``side`` is 1 left, -1 right."""
-        angle = self._angles + heading
+        angle = self.angles + heading
         slope = side * np.tan(angle)
         usable = np.isfinite(ranges) & (slope >= self.FLATTEST)
         stop = np.where(usable, distance / np.where(usable, slope, 1.0), np.inf)

@@ -1,0 +1,117 @@
+"""Driving by free space: letting a command pass while the car can still stop after it, and finding a way itself.
+
+The guard looks at where the car is after the next step: if one of the paths from there is free for as long as stopping
+takes, the command is harmless. Else, or where nobody knows the way, the car takes the path that is free farthest and
+near to what is wanted, as fast as it can stop on it; where none leads on it backs up a little and turns meanwhile.
+
+Everything is elementwise over the rows.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lanekeep_baselines.free_space import FreeSpace
+from lanekeep_baselines.policy import Floats
+
+
+class Motion(NamedTuple):
+    """How the car moves, (n,) each: speed, m/s, curvature that it drives, 1/m, and the least and most it could."""
+
+    speed: Floats
+    curvature: Floats
+    least: Floats
+    most: Floats
+
+
+class Choice(NamedTuple):
+    """What to do, (n,) each: curvature, 1/m, speed, m/s, way still to go backwards, m, and which of the paths."""
+
+    curvature: Floats
+    speed: Floats
+    back: Floats
+    free: Floats
+
+
+class FreeDrive:
+    """Guard and pathfinder of a car on a `FreeSpace`."""
+
+    #: Deceleration that speeds are planned with, and share of the largest one that the guard counts on, m/s².
+    BRAKE, COUNTED = 1.5, 0.85
+    #: Way left at standstill, m; below the second nothing leads on, and the way backwards then, m.
+    RESERVE, STUCK, BACK = 0.12, 0.25, 0.5
+    #: Speed within the soft margin, backwards and at least, m/s.
+    CLOSE, BACKWARD, LEAST = 0.6, 0.5, 0.25
+    #: What a path's value loses for another curvature than the wanted one, m per 1/m.
+    APART: ClassVar[float] = 0.15
+
+    def __init__(self, space: FreeSpace, step: float, acceleration: float, fastest: float) -> None:
+        self._space, self._step, self._acceleration, self._fastest = space, step, acceleration, fastest
+        paths = space.paths
+        self._ahead = paths.sign > 0.0
+
+    def after(self, x: Floats, y: Floats, motion: Motion, curvature: Floats, target: Floats) -> tuple[Floats, ...]:
+        """Return points and speed after the next step with a command: x, y, (points, n), and m/s, (n,)."""
+        change = self._acceleration * self._step
+        speed = motion.speed + np.clip(target - motion.speed, -change, change)
+        way = 0.5 * (motion.speed + speed) * self._step
+        turned = way * curvature
+        cosine, sine = np.cos(turned), np.sin(turned)
+        x, y = x - way * np.cos(0.5 * turned), y - way * np.sin(0.5 * turned)
+        return cosine * x + sine * y, cosine * y - sine * x, speed
+
+    def harmless(
+        self, x: Floats, y: Floats, motion: Motion, curvature: Floats, target: Floats
+    ) -> NDArray[np.bool_]:
+        """Return whether the car can still stop after a step with this curvature, 1/m, and set speed, m/s, (n,)."""
+        x, y, speed = self.after(x, y, motion, curvature, target)
+        hard, _ = self._space.free(x, y)
+        can = self._possible(motion) & self._ahead
+        free = np.where(can, hard, 0.0).max(axis=1)
+        needed = speed * speed / (2.0 * self.COUNTED * self._acceleration) + self.RESERVE
+        return free >= needed
+
+    def choose(self, x: Floats, y: Floats, motion: Motion, wanted: Floats, back: Floats) -> Choice:
+        """Return the best path's command.
+
+        Args:
+            x, y: points, m, (points, n).
+            motion: of the car.
+            wanted: curvature that is preferred among equals, 1/m, (n,).
+            back: way that is still to go backwards, m, (n,).
+        """
+        paths, (hard, soft) = self._space.paths, self._space.free(x, y)
+        can = self._possible(motion)
+        value = soft + 0.3 * hard - self.APART * np.abs(paths.first - wanted[:, None])
+        rows = np.arange(len(wanted))
+        best = np.where(can & self._ahead, value, -np.inf).argmax(axis=1)
+        free, close = hard[rows, best], soft[rows, best]
+        side = self._freer_side(soft)
+        stuck = (free < self.STUCK) & (np.abs(motion.speed) < 0.1)
+        gap = np.where(can & ~self._ahead, hard - 0.3 * np.abs(paths.first + side[:, None] * 1.0), -np.inf)
+        behind = gap.argmax(axis=1)
+        room = hard[rows, behind]
+        back = np.where(stuck & (back <= 0.0), self.BACK, back)
+        back = np.where(room < 0.1, 0.0, back)
+        reverse = back > 0.0
+        fast = np.sqrt(2.0 * self.BRAKE * np.maximum(free - self.RESERVE, 0.0))
+        fast = np.minimum(fast, self.CLOSE + np.sqrt(2.0 * self.BRAKE * close))
+        fast = np.where(free > self.STUCK, np.maximum(fast, self.LEAST), 0.0)
+        speed = np.where(reverse, -np.minimum(self.BACKWARD, np.sqrt(2.0 * room * 0.5)), np.minimum(fast, self._fastest))
+        curvature = np.where(reverse, paths.first[behind], paths.first[best])
+        return Choice(curvature, speed, back, free)
+
+    def _possible(self, motion: Motion) -> NDArray[np.bool_]:
+        """Return which paths begin with a curvature that the car can drive, (n, paths)."""
+        first = self._space.paths.first
+        return (first >= motion.least[:, None] - 0.03) & (first <= motion.most[:, None] + 0.03)
+
+    def _freer_side(self, soft: Floats) -> Floats:
+        """Return 1 where the paths to the left are free farther, else -1."""
+        first = self._space.paths.first
+        left = np.where(self._ahead & (first > 0.0), soft, 0.0).sum(axis=1)
+        right = np.where(self._ahead & (first < 0.0), soft, 0.0).sum(axis=1)
+        return np.where(left >= right, 1.0, -1.0)
