@@ -43,6 +43,8 @@ class FreeDrive:
     BRAKE, COUNTED = 1.5, 0.85
     #: Way left at standstill, m; below the second nothing leads on, and the way backwards then, m.
     RESERVE, STUCK, BACK = 0.12, 0.25, 0.5
+    #: Way beyond that of stopping which the guard asks for, m: the next step has other paths.
+    AHEAD: ClassVar[float] = 0.25
     #: Speed within the soft margin, backwards and at least, m/s.
     CLOSE, BACKWARD, LEAST = 0.6, 0.5, 0.25
     #: What a path's value loses for another curvature than the wanted one, m per 1/m.
@@ -71,8 +73,11 @@ class FreeDrive:
         hard, _ = self._space.free(x, y)
         can = self._possible(motion) & self._ahead
         free = np.where(can, hard, 0.0).max(axis=1)
-        needed = speed * speed / (2.0 * self.COUNTED * self._acceleration) + self.RESERVE
-        return free >= needed
+        return free >= self._stopping(speed) + self.AHEAD
+
+    def _stopping(self, speed: Floats) -> Floats:
+        """Return the way to a standstill, m."""
+        return np.where(speed > 0.0, speed * speed / (2.0 * self.COUNTED * self._acceleration), 0.0) + self.RESERVE
 
     def choose(self, x: Floats, y: Floats, motion: Motion, wanted: Floats, back: Floats) -> Choice:
         """Return the best path's command.
@@ -87,6 +92,8 @@ class FreeDrive:
         can = self._possible(motion)
         value = soft + 0.3 * hard - self.APART * np.abs(paths.first - wanted[:, None])
         rows = np.arange(len(wanted))
+        stops = hard >= (self._stopping(motion.speed) + np.maximum(motion.speed, 0.0) * self._step)[:, None]
+        value = np.where(stops, 10.0 + value, hard)
         best = np.where(can & self._ahead, value, -np.inf).argmax(axis=1)
         free, close = hard[rows, best], soft[rows, best]
         side = self._freer_side(soft)

@@ -88,7 +88,7 @@ def poses(paths: Fan) -> tuple[Floats, Floats, Floats]:
 class FreeSpace:
     """The table of a body and its paths, with a hard and a soft margin around the body, m."""
 
-    HARD, SOFT = 0.03, 0.10
+    HARD, SOFT = 0.05, 0.14
 
     def __init__(self, body: Body, tightest: float) -> None:
         self.paths = fan(tightest)
@@ -114,7 +114,7 @@ class FreeSpace:
 def _table(body: Body, tightest: float, margins: tuple[float, ...]) -> NDArray[np.uint8]:
     """Return the strides after which each path meets each cell, (cells + 1, margins x paths); none meets the last.
 
-    A cell within a margin at the start is met where the body itself comes, or nothing could leave a wall.
+    A cell within a margin at the start is met where the body comes nearer to it, or nothing could leave a wall.
     """
     paths = fan(tightest)
     x, y, heading = poses(paths)
@@ -133,7 +133,7 @@ def _table(body: Body, tightest: float, margins: tuple[float, ...]) -> NDArray[n
         outside = _outside(body, px - x[k], py - y[k], heading[k])
         near = _outside(body, px, py, 0.0 * heading[k])
         for m, margin in enumerate(margins):
-            hit = on & (outside <= np.where(near <= margin, 0.0, margin)) & (near > 0.0)
+            hit = on & (outside <= np.where(near <= margin, near - 0.5 * CELL, margin)) & (near > 0.0)
             cell = (column * wide + row)[hit].astype(np.int64)
             table[cell, m * len(paths.first) + which[hit]] = k
     table.setflags(write=False)
