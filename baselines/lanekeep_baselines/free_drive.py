@@ -70,7 +70,7 @@ class FreeDrive:
     ) -> NDArray[np.bool_]:
         """Return whether the car can still stop after a step with this curvature, 1/m, and set speed, m/s, (n,)."""
         x, y, speed = self.after(x, y, motion, curvature, target)
-        hard, _ = self._space.free(x, y)
+        hard, _, _ = self._space.free(x, y)
         can = self._possible(motion) & self._ahead
         free = np.where(can, hard, 0.0).max(axis=1)
         return free >= self._stopping(speed) + self.AHEAD
@@ -79,26 +79,28 @@ class FreeDrive:
         """Return the way to a standstill, m."""
         return np.where(speed > 0.0, speed * speed / (2.0 * self.COUNTED * self._acceleration), 0.0) + self.RESERVE
 
-    def choose(self, x: Floats, y: Floats, motion: Motion, wanted: Floats, back: Floats) -> Choice:
+    def choose(self, x: Floats, y: Floats, motion: Motion, wanted: Floats, side: Floats, back: Floats) -> Choice:
         """Return the best path's command.
 
         Args:
             x, y: points, m, (points, n).
             motion: of the car.
             wanted: curvature that is preferred among equals, 1/m, (n,).
+            side: 1 where the way is known to turn left, -1 right, else 0, (n,).
             back: way that is still to go backwards, m, (n,).
         """
-        paths, (hard, soft) = self._space.paths, self._space.free(x, y)
+        paths, (_, hard, soft) = self._space.paths, self._space.free(x, y)
         can = self._possible(motion)
-        value = soft + 0.3 * hard - self.APART * np.abs(paths.first - wanted[:, None])
+        apart = self.APART * np.abs(paths.first - wanted[:, None])
+        value = soft + 0.3 * hard - apart + 0.1 * side[:, None] * paths.turn
         rows = np.arange(len(wanted))
         stops = hard >= (self._stopping(motion.speed) + np.maximum(motion.speed, 0.0) * self._step)[:, None]
-        value = np.where(stops, 10.0 + value, hard)
+        value = np.where(stops, 10.0 + value, hard - apart)
         best = np.where(can & self._ahead, value, -np.inf).argmax(axis=1)
         free, close = hard[rows, best], soft[rows, best]
-        side = self._freer_side(soft)
+        freer = self._freer_side(soft)
         stuck = (free < self.STUCK) & (np.abs(motion.speed) < 0.1)
-        gap = np.where(can & ~self._ahead, hard - 0.3 * np.abs(paths.first + side[:, None] * 1.0), -np.inf)
+        gap = np.where(can & ~self._ahead, hard - 0.3 * np.abs(paths.first + freer[:, None]), -np.inf)
         behind = gap.argmax(axis=1)
         room = hard[rows, behind]
         back = np.where(stuck & (back <= 0.0), self.BACK, back)
@@ -114,7 +116,7 @@ class FreeDrive:
     def _possible(self, motion: Motion) -> NDArray[np.bool_]:
         """Return which paths begin with a curvature that the car can drive, (n, paths)."""
         first = self._space.paths.first
-        return (first >= motion.least[:, None] - 0.03) & (first <= motion.most[:, None] + 0.03)
+        return (first >= motion.least[:, None] - 0.06) & (first <= motion.most[:, None] + 0.06)
 
     def _freer_side(self, soft: Floats) -> Floats:
         """Return 1 where the paths to the left are free farther, else -1."""

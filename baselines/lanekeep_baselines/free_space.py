@@ -92,12 +92,14 @@ class FreeSpace:
 
     def __init__(self, body: Body, tightest: float) -> None:
         self.paths = fan(tightest)
-        self._table = _table(body, tightest, (self.HARD, self.SOFT))
+        self._table = _table(body, tightest, ((self.HARD, False), (self.HARD, True), (self.SOFT, True)))
         self._wide = round((HIGH[1] - LOW[1]) / CELL)
         self._deep = round((HIGH[0] - LOW[0]) / CELL)
 
-    def free(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-        """Return how far each path is free within the hard and the soft margin, m, (n, paths) each.
+    def free(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return how far each path is free, m, (n, paths) each: strictly, and out of the hard and the soft margin.
+
+        Strictly, points within the hard margin at the start block every path; else only those that come nearer.
 
         Args:
             x, y: the points, m, (points, n).
@@ -107,14 +109,14 @@ class FreeSpace:
         cell = np.where(inside, column * self._wide + row, len(self._table) - 1).astype(np.int64)
         strides = self._table[cell].min(axis=0) * STRIDE
         count = len(self.paths.first)
-        return strides[:, :count], strides[:, count:]
+        return strides[:, :count], strides[:, count : 2 * count], strides[:, 2 * count :]
 
 
 @lru_cache(maxsize=8)
-def _table(body: Body, tightest: float, margins: tuple[float, ...]) -> NDArray[np.uint8]:
+def _table(body: Body, tightest: float, margins: tuple[tuple[float, bool], ...]) -> NDArray[np.uint8]:
     """Return the strides after which each path meets each cell, (cells + 1, margins x paths); none meets the last.
 
-    A cell within a margin at the start is met where the body comes nearer to it, or nothing could leave a wall.
+    Where a margin is lenient a cell in it at the start is met if the body comes nearer, or nothing could leave a wall.
     """
     paths = fan(tightest)
     x, y, heading = poses(paths)
@@ -122,7 +124,7 @@ def _table(body: Body, tightest: float, margins: tuple[float, ...]) -> NDArray[n
     longest = np.where(paths.sign > 0.0, STRIDES, BACKWARDS)
     last = np.concatenate([longest] * len(margins))
     table = np.broadcast_to(last.astype(np.uint8), (deep * wide + 1, len(last))).copy()
-    reach = np.hypot(max(body.ahead, body.behind), body.half_width) + max(margins)
+    reach = np.hypot(max(body.ahead, body.behind), body.half_width) + max(margin for margin, _ in margins)
     around = np.arange(-np.ceil(reach / CELL), np.ceil(reach / CELL) + 1)
     window = np.stack(np.meshgrid(around, around, indexing="ij")).reshape(2, -1, 1)
     which = np.broadcast_to(np.arange(len(paths.first)), (window.shape[1], len(paths.first)))
@@ -132,8 +134,9 @@ def _table(body: Body, tightest: float, margins: tuple[float, ...]) -> NDArray[n
         on = (column >= 0) & (column < deep) & (row >= 0) & (row < wide) & (k <= longest)
         outside = _outside(body, px - x[k], py - y[k], heading[k])
         near = _outside(body, px, py, 0.0 * heading[k])
-        for m, margin in enumerate(margins):
-            hit = on & (outside <= np.where(near <= margin, near - 0.5 * CELL, margin)) & (near > 0.0)
+        for m, (margin, lenient) in enumerate(margins):
+            least = np.where(near <= margin, near - 0.5 * CELL, margin) if lenient else margin
+            hit = on & (outside <= least) & (near > 0.0)
             cell = (column * wide + row)[hit].astype(np.int64)
             table[cell, m * len(paths.first) + which[hit]] = k
     table.setflags(write=False)

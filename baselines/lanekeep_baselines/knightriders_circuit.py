@@ -121,6 +121,8 @@ class KnightRidersCircuit(DrivingPolicy):
     START, SURE = 0.1, 0.08
     #: Votes that settle the direction, and the most that are kept.
     SETTLED, MOST = 3.0, 12.0
+    #: Angle of the largest one that paths in free space leave, rad.
+    SPARE: ClassVar[float] = float(np.deg2rad(1.0))
     #: Speeds, m/s: without a direction at the corner, and below which gains are those of this one.
     CREEP, SLOWEST = 1.2, 0.2
 
@@ -135,7 +137,7 @@ class KnightRidersCircuit(DrivingPolicy):
         self._reader = ScanReader(scenario.scan)
         body = Body(self._nose, 0.5 * (car.length - car.wheelbase), 0.5 * car.width)
         self._map = LocalMap(self._reader, self._nose, self._car.sensor)
-        tightest = float(np.tan(self._limit) / car.wheelbase)
+        tightest = float(np.tan(self._limit - self.SPARE) / car.wheelbase)
         space = FreeSpace(body, tightest)
         self._free = FreeDrive(space, scenario.control_step, scenario.max_acceleration, scenario.max_speed)
         sizes = (self._filter.memory, self._control.memory, len(Leg._fields), len(Pilot._fields), self._map.memory)
@@ -172,14 +174,15 @@ class KnightRidersCircuit(DrivingPolicy):
         known, leg = self._change_over(known, leg)
         leg = self._look(at, ranges, known, leg)
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
-        command, pilot, keep = self._pilot(at, self._map.points(ranges, map_), command, known, pilot)
+        command, pilot, keep = self._pilot(at, self._map.points(ranges, map_), command, known, self._side(leg), pilot)
         leg = leg._replace(phase=np.where(keep, phase, leg.phase))
         steered = np.where(keep[:, None], steered, command[:, :1])
         parts = [known, steered, np.stack(leg, axis=1), np.stack(pilot, axis=1), map_]
         return command, np.concatenate(parts, axis=1)
 
     def _pilot(
-        self, at: Mapping[str, Floats], points: tuple[Floats, Floats], command: Floats, known: Floats, pilot: Pilot
+        self, at: Mapping[str, Floats], points: tuple[Floats, Floats], command: Floats, known: Floats,
+        side: Floats, pilot: Pilot,
     ) -> tuple[Floats, Pilot, NDArray[np.bool_]]:
         """Return the command, from free space where the given one is not harmless or the way is lost."""
         offset, base = known[:, 2], self._car.wheelbase
@@ -190,7 +193,7 @@ class KnightRidersCircuit(DrivingPolicy):
         lost = pilot.lost > 0.5
         keep = harmless & ~lost
         wanted = np.where(lost, pilot.curvature, asked)
-        choice = self._free.choose(*points, motion, wanted, np.where(lost, pilot.back, 0.0))
+        choice = self._free.choose(*points, motion, wanted, side, np.where(lost, pilot.back, 0.0))
         steering = np.arctan(choice.curvature * base) - offset
         free = np.stack([steering, choice.speed], axis=1)
         doubt = np.where(keep, np.maximum(pilot.doubt - 0.2, 0.0), pilot.doubt + 1.0)
