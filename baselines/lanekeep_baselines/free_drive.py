@@ -43,8 +43,8 @@ class FreeDrive:
     BRAKE, COUNTED = 1.5, 0.85
     #: Way left at standstill, m; below the second nothing leads on, and the way backwards then, m.
     RESERVE, STUCK, BACK = 0.12, 0.25, 0.5
-    #: Way beyond that of stopping which the guard asks for, m: the next step has other paths.
-    AHEAD: ClassVar[float] = 0.25
+    #: Way beyond that of stopping which the guard asks for, m: usually, and after it has intervened.
+    AHEAD, AFTER = 0.2, 0.5
     #: Speed within the soft margin, backwards and at least, m/s.
     CLOSE, BACKWARD, LEAST = 0.6, 0.5, 0.25
     #: What a path's value loses for another curvature than the wanted one, m per 1/m.
@@ -66,14 +66,14 @@ class FreeDrive:
         return cosine * x + sine * y, cosine * y - sine * x, speed
 
     def harmless(
-        self, x: Floats, y: Floats, motion: Motion, curvature: Floats, target: Floats
+        self, x: Floats, y: Floats, motion: Motion, curvature: Floats, target: Floats, doubt: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
         """Return whether the car can still stop after a step with this curvature, 1/m, and set speed, m/s, (n,)."""
         x, y, speed = self.after(x, y, motion, curvature, target)
         hard, _, _ = self._space.free(x, y)
         can = self._possible(motion) & self._ahead
         free = np.where(can, hard, 0.0).max(axis=1)
-        return free >= self._stopping(speed) + self.AHEAD
+        return free >= self._stopping(speed) + np.where(doubt, self.AFTER, self.AHEAD)
 
     def _stopping(self, speed: Floats) -> Floats:
         """Return the way to a standstill, m."""

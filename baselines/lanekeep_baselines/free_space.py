@@ -23,8 +23,8 @@ LOW, HIGH = (-1.6, -2.4), (3.8, 2.4)
 STRIDE, STRIDES, BACKWARDS = 0.04, 80, 20
 #: Shares of the largest curvature that paths begin with, on either side.
 SHARES = (0.0, 0.06, 0.13, 0.22, 0.34, 0.48, 0.64, 0.82, 1.0)
-#: Ways after which a path goes on straight or to the other side, m.
-PIECES = (0.3, 0.6, 1.0)
+#: Ways after which paths with these shares go on straight, or to the other side, m.
+BENT, STRAIGHT_AFTER, OTHER_AFTER = (0.34, 0.64, 1.0), (0.1, 0.2, 0.35, 0.55, 0.9), (0.1, 0.2, 0.35, 0.55)
 #: Where no point is, m: off the table.
 NOWHERE = 1e3
 
@@ -59,13 +59,10 @@ def fan(tightest: float) -> Fan:
     """Return the paths of a car whose largest curvature is ``tightest``, 1/m."""
     both = sorted({side * share for share in SHARES for side in (-1.0, 1.0)})
     rows = [(share, share, 9.0, 1.0) for share in both]
-    for share in both:
-        if abs(share) > 0.3:
-            rows += [(share, 0.0, piece, 1.0) for piece in PIECES]
-    for share in both:
-        if abs(share) in (0.34, 0.64, 1.0):
-            rows += [(share, -share, piece, 1.0) for piece in PIECES[:2]]
-    rows += [(share, share, 9.0, -1.0) for share in both if abs(share) in (0.0, 0.34, 0.64, 1.0)]
+    for share in (share for share in both if abs(share) in BENT):
+        rows += [(share, 0.0, piece, 1.0) for piece in STRAIGHT_AFTER]
+        rows += [(share, -share, piece, 1.0) for piece in OTHER_AFTER]
+    rows += [(share, share, 9.0, -1.0) for share in both if abs(share) in (0.0, *BENT)]
     first, second, piece, sign = np.array(rows).T
     length = np.where(sign > 0.0, STRIDE * STRIDES, STRIDE * BACKWARDS)
     turn = first * np.minimum(piece, length) + second * np.maximum(length - piece, 0.0)

@@ -189,7 +189,7 @@ class KnightRidersCircuit(DrivingPolicy):
         least, most = np.tan(offset - self._limit) / base, np.tan(offset + self._limit) / base
         motion = Motion(at["speed"], pilot.curvature, least, most)
         asked = np.tan(np.clip(command[:, 0], -self._limit, self._limit) + offset) / base
-        harmless = self._free.harmless(*points, motion, asked, command[:, 1])
+        harmless = self._free.harmless(*points, motion, asked, command[:, 1], pilot.doubt > 0.0)
         lost = pilot.lost > 0.5
         keep = harmless & ~lost
         wanted = np.where(lost, pilot.curvature, asked)

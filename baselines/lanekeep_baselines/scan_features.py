@@ -69,9 +69,15 @@ class ScanReader:
         return median(np.stack([edges[k : k + len(known)] for k in range(self._window)]))
 
     def ahead(self, ranges: Floats, heading: Floats) -> Floats:
-        """Return the distance of the wall ahead along the leg, m, (n,), inf where nothing is known."""
+        """Return the distance of the wall ahead along the leg, m, (n,), inf where less than half of it is known.
+
+        Where it is out of range, beams beside it may show a side wall.
+        """
         angle = self.angles + heading
-        return median(np.where(np.abs(angle) <= self.AHEAD, ranges * np.cos(angle), np.inf))
+        looks = np.abs(angle) <= self.AHEAD
+        along = np.where(looks, ranges * np.cos(angle), np.inf)
+        enough = 2 * np.isfinite(along).sum(axis=0) >= looks.sum(axis=0)
+        return np.where(enough, median(along), np.inf)
 
     def wall_end(self, ranges: Floats, heading: Floats, distance: Floats, side: float) -> WallEnd:
         """Return where the wall at a ``distance`` (m, (n,)) of the camera ends; ``side`` is 1 left, -1 right."""
