@@ -45,8 +45,8 @@ class FreeDrive:
     RESERVE, STUCK, BACK = 0.12, 0.25, 0.5
     #: Way beyond that of stopping which the guard asks for, m: usually, and after it has intervened.
     AHEAD, AFTER = 0.2, 0.5
-    #: Speed within the soft margin, backwards and at least, m/s.
-    CLOSE, BACKWARD, LEAST = 0.6, 0.5, 0.25
+    #: Speed backwards and at least, m/s.
+    BACKWARD, LEAST = 0.5, 0.25
     #: What a path's value loses for another curvature than the wanted one, m per 1/m.
     APART: ClassVar[float] = 0.15
 
@@ -70,9 +70,9 @@ class FreeDrive:
     ) -> NDArray[np.bool_]:
         """Return whether the car can still stop after a step with this curvature, 1/m, and set speed, m/s, (n,)."""
         x, y, speed = self.after(x, y, motion, curvature, target)
-        hard, _, _ = self._space.free(x, y)
+        strict, _, _ = self._space.free(x, y)
         can = self._possible(motion) & self._ahead
-        free = np.where(can, hard, 0.0).max(axis=1)
+        free = np.where(can, strict, 0.0).max(axis=1)
         return free >= self._stopping(speed) + np.where(doubt, self.AFTER, self.AHEAD)
 
     def _stopping(self, speed: Floats) -> Floats:
@@ -89,7 +89,7 @@ class FreeDrive:
             side: 1 where the way is known to turn left, -1 right, else 0, (n,).
             back: way that is still to go backwards, m, (n,).
         """
-        paths, (_, hard, soft) = self._space.paths, self._space.free(x, y)
+        paths, (strict, hard, soft) = self._space.paths, self._space.free(x, y)
         can = self._possible(motion)
         apart = self.APART * np.abs(paths.first - wanted[:, None])
         value = soft + 0.3 * hard - apart + 0.1 * side[:, None] * paths.turn
@@ -97,7 +97,7 @@ class FreeDrive:
         stops = hard >= (self._stopping(motion.speed) + np.maximum(motion.speed, 0.0) * self._step)[:, None]
         value = np.where(stops, 10.0 + value, hard - apart)
         best = np.where(can & self._ahead, value, -np.inf).argmax(axis=1)
-        free, close = hard[rows, best], soft[rows, best]
+        free = hard[rows, best]
         freer = self._freer_side(soft)
         stuck = (free < self.STUCK) & (np.abs(motion.speed) < 0.1)
         gap = np.where(can & ~self._ahead, hard - 0.3 * np.abs(paths.first + freer[:, None]), -np.inf)
@@ -106,8 +106,8 @@ class FreeDrive:
         back = np.where(stuck & (back <= 0.0), self.BACK, back)
         back = np.where(room < 0.1, 0.0, back)
         reverse = back > 0.0
-        fast = np.sqrt(2.0 * self.BRAKE * np.maximum(free - self.RESERVE, 0.0))
-        fast = np.minimum(fast, self.CLOSE + np.sqrt(2.0 * self.BRAKE * close))
+        sure = np.maximum(strict[rows, best], np.minimum(free, 0.2))
+        fast = np.sqrt(2.0 * self.BRAKE * np.maximum(sure - self.RESERVE, 0.0))
         fast = np.where(free > self.STUCK, np.maximum(fast, self.LEAST), 0.0)
         speed = np.where(reverse, -np.minimum(self.BACKWARD, np.sqrt(2.0 * room * 0.5)), np.minimum(fast, self._fastest))
         curvature = np.where(reverse, paths.first[behind], paths.first[best])

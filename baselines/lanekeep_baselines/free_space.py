@@ -82,21 +82,35 @@ def poses(paths: Fan) -> tuple[Floats, Floats, Floats]:
     return x, y, heading
 
 
-class FreeSpace:
-    """The table of a body and its paths, with a hard and a soft margin around the body, m."""
+class Margin(NamedTuple):
+    """Room around the body at a path's begin and from `GROWN` m on, m, and whether it is lenient.
 
-    HARD, SOFT = 0.05, 0.14
+    Strictly, a point within it at the start blocks every path; leniently only those that come nearer to it, or nothing
+    could leave a wall.
+    """
+
+    begin: float
+    end: float
+    lenient: bool
+
+
+#: Way in which margins grow, m.
+GROWN = 0.8
+
+
+class FreeSpace:
+    """The table of a body and its paths, with a strict, a least and a comfortable margin."""
+
+    STRICT, LEAST, COMFORT = Margin(0.05, 0.10, False), Margin(0.04, 0.06, True), Margin(0.14, 0.14, True)
 
     def __init__(self, body: Body, tightest: float) -> None:
         self.paths = fan(tightest)
-        self._table = _table(body, tightest, ((self.HARD, False), (self.HARD, True), (self.SOFT, True)))
+        self._table = _table(body, tightest, (self.STRICT, self.LEAST, self.COMFORT))
         self._wide = round((HIGH[1] - LOW[1]) / CELL)
         self._deep = round((HIGH[0] - LOW[0]) / CELL)
 
     def free(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return how far each path is free, m, (n, paths) each: strictly, and out of the hard and the soft margin.
-
-        Strictly, points within the hard margin at the start block every path; else only those that come nearer.
+        """Return how far each path is free, m, (n, paths) each: with the strict, the least, the comfortable margin.
 
         Args:
             x, y: the points, m, (points, n).
@@ -110,18 +124,15 @@ class FreeSpace:
 
 
 @lru_cache(maxsize=8)
-def _table(body: Body, tightest: float, margins: tuple[tuple[float, bool], ...]) -> NDArray[np.uint8]:
-    """Return the strides after which each path meets each cell, (cells + 1, margins x paths); none meets the last.
-
-    Where a margin is lenient a cell in it at the start is met if the body comes nearer, or nothing could leave a wall.
-    """
+def _table(body: Body, tightest: float, margins: tuple[Margin, ...]) -> NDArray[np.uint8]:
+    """Return the strides after which each path meets each cell, (cells + 1, margins x paths); none meets the last."""
     paths = fan(tightest)
     x, y, heading = poses(paths)
     wide, deep = round((HIGH[1] - LOW[1]) / CELL), round((HIGH[0] - LOW[0]) / CELL)
     longest = np.where(paths.sign > 0.0, STRIDES, BACKWARDS)
     last = np.concatenate([longest] * len(margins))
     table = np.broadcast_to(last.astype(np.uint8), (deep * wide + 1, len(last))).copy()
-    reach = np.hypot(max(body.ahead, body.behind), body.half_width) + max(margin for margin, _ in margins)
+    reach = np.hypot(max(body.ahead, body.behind), body.half_width) + max(margin.end for margin in margins)
     around = np.arange(-np.ceil(reach / CELL), np.ceil(reach / CELL) + 1)
     window = np.stack(np.meshgrid(around, around, indexing="ij")).reshape(2, -1, 1)
     which = np.broadcast_to(np.arange(len(paths.first)), (window.shape[1], len(paths.first)))
@@ -131,7 +142,8 @@ def _table(body: Body, tightest: float, margins: tuple[tuple[float, bool], ...])
         on = (column >= 0) & (column < deep) & (row >= 0) & (row < wide) & (k <= longest)
         outside = _outside(body, px - x[k], py - y[k], heading[k])
         near = _outside(body, px, py, 0.0 * heading[k])
-        for m, (margin, lenient) in enumerate(margins):
+        for m, (begin, end, lenient) in enumerate(margins):
+            margin = begin + (end - begin) * min(1.0, k * STRIDE / GROWN)
             least = np.where(near <= margin, near - 0.5 * CELL, margin) if lenient else margin
             hit = on & (outside <= least) & (near > 0.0)
             cell = (column * wide + row)[hit].astype(np.int64)
