@@ -14,7 +14,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.free_space import FreeSpace
+from lanekeep_baselines.free_space import STRIDE, FreeSpace, poses
 from lanekeep_baselines.policy import Floats
 
 
@@ -47,13 +47,22 @@ class FreeDrive:
     AHEAD, AFTER = 0.2, 0.5
     #: Speed backwards and at least, m/s.
     BACKWARD, LEAST = 0.5, 0.25
-    #: What a path's value loses for another curvature than the wanted one, m per 1/m.
-    APART: ClassVar[float] = 0.15
+    #: What a path's value loses for another curvature than the wanted one, m per 1/m, and gains with the view along it,
+    #: m per m, up to so far, m; the place of a path that is looked at, m.
+    APART, VIEW, FARTHEST_VIEW, AT = 0.15, 0.25, 6.0, 1.4
 
     def __init__(self, space: FreeSpace, step: float, acceleration: float, fastest: float) -> None:
         self._space, self._step, self._acceleration, self._fastest = space, step, acceleration, fastest
         paths = space.paths
         self._ahead = paths.sign > 0.0
+        x, y, _ = poses(paths)
+        place = round(self.AT / STRIDE)
+        self._bearing = np.arctan2(y[place], x[place] + 1e-9)
+
+    @property
+    def bearing(self) -> Floats:
+        """Direction from the car in which each path leads, rad, (paths,)."""
+        return self._bearing
 
     def after(self, x: Floats, y: Floats, motion: Motion, curvature: Floats, target: Floats) -> tuple[Floats, ...]:
         """Return points and speed after the next step with a command: x, y, (points, n), and m/s, (n,)."""
@@ -79,7 +88,7 @@ class FreeDrive:
         """Return the way to a standstill, m."""
         return np.where(speed > 0.0, speed * speed / (2.0 * self.COUNTED * self._acceleration), 0.0) + self.RESERVE
 
-    def choose(self, x: Floats, y: Floats, motion: Motion, wanted: Floats, side: Floats, back: Floats) -> Choice:
+    def choose(self, x: Floats, y: Floats, motion: Motion, wanted: Floats, side: Floats, view: Floats, back: Floats) -> Choice:
         """Return the best path's command.
 
         Args:
@@ -87,12 +96,13 @@ class FreeDrive:
             motion: of the car.
             wanted: curvature that is preferred among equals, 1/m, (n,).
             side: 1 where the way is known to turn left, -1 right, else 0, (n,).
+            view: how far the way along each path is seen, m, (n, paths), as of `bearing`.
             back: way that is still to go backwards, m, (n,).
         """
         paths, (strict, hard, soft) = self._space.paths, self._space.free(x, y)
         can = self._possible(motion)
         apart = self.APART * np.abs(paths.first - wanted[:, None])
-        value = soft + 0.3 * hard - apart + 0.1 * side[:, None] * paths.turn
+        value = soft + 0.3 * hard - apart + self.VIEW * np.minimum(view, self.FARTHEST_VIEW) + 0.1 * side[:, None] * paths.turn
         rows = np.arange(len(wanted))
         stops = hard >= (self._stopping(motion.speed) + np.maximum(motion.speed, 0.0) * self._step)[:, None]
         value = np.where(stops, 10.0 + value, hard - apart)

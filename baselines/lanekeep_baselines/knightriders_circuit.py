@@ -174,14 +174,14 @@ class KnightRidersCircuit(DrivingPolicy):
         known, leg = self._change_over(known, leg)
         leg = self._look(at, ranges, known, leg)
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
-        command, pilot, keep = self._pilot(at, self._map.points(ranges, map_), command, known, self._side(leg), pilot)
+        command, pilot, keep = self._pilot(at, self._map.points(ranges, map_), ranges, command, known, self._side(leg), pilot)
         leg = leg._replace(phase=np.where(keep, phase, leg.phase))
         steered = np.where(keep[:, None], steered, command[:, :1])
         parts = [known, steered, np.stack(leg, axis=1), np.stack(pilot, axis=1), map_]
         return command, np.concatenate(parts, axis=1)
 
     def _pilot(
-        self, at: Mapping[str, Floats], points: tuple[Floats, Floats], command: Floats, known: Floats,
+        self, at: Mapping[str, Floats], points: tuple[Floats, Floats], ranges: Floats, command: Floats, known: Floats,
         side: Floats, pilot: Pilot,
     ) -> tuple[Floats, Pilot, NDArray[np.bool_]]:
         """Return the command, from free space where the given one is not harmless or the way is lost."""
@@ -192,8 +192,9 @@ class KnightRidersCircuit(DrivingPolicy):
         harmless = self._free.harmless(*points, motion, asked, command[:, 1], pilot.doubt > 0.0)
         lost = pilot.lost > 0.5
         keep = harmless & ~lost
-        wanted = np.where(lost, pilot.curvature, asked)
-        choice = self._free.choose(*points, motion, wanted, side, np.where(lost, pilot.back, 0.0))
+        wanted = np.where(lost, 0.5 * pilot.curvature, asked)
+        view = self._reader.view(ranges, self._free.bearing)
+        choice = self._free.choose(*points, motion, wanted, side, view, np.where(lost, pilot.back, 0.0))
         steering = np.arctan(choice.curvature * base) - offset
         free = np.stack([steering, choice.speed], axis=1)
         doubt = np.where(keep, np.maximum(pilot.doubt - 0.2, 0.0), pilot.doubt + 1.0)

@@ -52,10 +52,15 @@ class ScanReader:
     FARTHEST, FLATTEST = 4.0, 0.25
     #: Half the angle around the leg's direction whose beams measure the wall ahead, rad.
     AHEAD = float(np.deg2rad(2.5))
+    #: Share of the range up to which a wall ahead is believed.
+    TRUSTED = 0.85
+    #: Angle on either side within which the way is seen, rad.
+    BESIDE = float(np.deg2rad(3.0))
 
     def __init__(self, scan: Scan) -> None:
         self.channels = tuple(f"scan_{k}" for k in range(scan.beams))
         self.angles = (np.arange(scan.beams) * scan.step - 0.5 * scan.field_of_view)[:, None]
+        self._farthest = scan.farthest
         faulty = scan.noise > 0.0 or scan.missing_every > 0 or scan.jump_errors > 0.0
         self._window = self.WINDOW if faulty else 1
 
@@ -68,16 +73,30 @@ class ScanReader:
         edges = np.concatenate([known[:1].repeat(half, axis=0), known, known[-1:].repeat(half, axis=0)])
         return median(np.stack([edges[k : k + len(known)] for k in range(self._window)]))
 
+    def view(self, ranges: Floats, bearing: Floats) -> Floats:
+        """Return how far it is seen in directions from the camera (rad, (directions,)), m, (n, directions).
+
+        It is the least of a few beams, where nothing is known the farthest; beyond the rim that of the rim.
+        """
+        beams = len(self.angles)
+        middle = np.clip(np.searchsorted(self.angles[:, 0], bearing), 0, beams - 1)
+        half = max(1, round(self.BESIDE / (self.angles[1, 0] - self.angles[0, 0])))
+        seen = np.minimum(ranges, self._farthest)
+        edges = np.concatenate([seen[:1].repeat(half, axis=0), seen, seen[-1:].repeat(half, axis=0)])
+        least = np.stack([edges[k : k + beams] for k in range(2 * half + 1)]).min(axis=0)
+        return least[middle].T
+
     def ahead(self, ranges: Floats, heading: Floats) -> Floats:
         """Return the distance of the wall ahead along the leg, m, (n,), inf where less than half of it is known.
 
-        Where it is out of range, beams beside it may show a side wall.
+        Where it is out of range, beams beside it may show a side wall: what is near the end of the range is left out.
         """
         angle = self.angles + heading
         looks = np.abs(angle) <= self.AHEAD
         along = np.where(looks, ranges * np.cos(angle), np.inf)
         enough = 2 * np.isfinite(along).sum(axis=0) >= looks.sum(axis=0)
-        return np.where(enough, median(along), np.inf)
+        wall = median(along)
+        return np.where(enough & (wall <= self.TRUSTED * self._farthest), wall, np.inf)
 
     def wall_end(self, ranges: Floats, heading: Floats, distance: Floats, side: float) -> WallEnd:
         """Return where the wall at a ``distance`` (m, (n,)) of the camera ends; ``side`` is 1 left, -1 right."""
