@@ -39,6 +39,8 @@ class Choice(NamedTuple):
 class FreeDrive:
     """Guard and pathfinder of a car on a `FreeSpace`."""
 
+    #: So many paths must be free for the guard: a single one is gone with the next error of a centimetre.
+    SEVERAL: ClassVar[int] = 4
     #: Deceleration that speeds are planned with, and share of the largest one that the guard counts on, m/s².
     BRAKE, COUNTED = 1.5, 0.85
     #: Way left at standstill, m; below the second nothing leads on, and the way backwards then, m.
@@ -81,7 +83,7 @@ class FreeDrive:
         x, y, speed = self.after(x, y, motion, curvature, target)
         strict, _, _ = self._space.free(x, y)
         can = self._possible(motion) & self._ahead
-        free = np.where(can, strict, 0.0).max(axis=1)
+        free = np.sort(np.where(can, strict, 0.0), axis=1)[:, -self.SEVERAL]
         return free >= self._stopping(speed) + np.where(doubt, self.AFTER, self.AHEAD)
 
     def _stopping(self, speed: Floats) -> Floats:

@@ -25,7 +25,7 @@ class LocalMap:
     """Points of the last places of a car; its memory is rows of numbers, elementwise over the rows."""
 
     #: Places kept, sectors of the scan and echoes that each has.
-    KEPT, SECTORS, ECHOES = 32, 8, 3
+    KEPT, SECTORS, ECHOES = 32, 12, 3
     #: Way, m, or turn, rad, to the next place.
     SPACING, TURNING = 0.05, 0.07
     #: Points of the scan beyond this are not kept, m.
