@@ -81,7 +81,7 @@ class FreeDrive:
     ) -> NDArray[np.bool_]:
         """Return whether the car can still stop after a step with this curvature, 1/m, and set speed, m/s, (n,)."""
         x, y, speed = self.after(x, y, motion, curvature, target)
-        strict, _, _ = self._space.free(x, y)
+        strict = self._space.free(x, y)[0]
         can = self._possible(motion) & self._ahead
         free = np.sort(np.where(can, strict, 0.0), axis=1)[:, -self.SEVERAL]
         return free >= self._stopping(speed) + np.where(doubt, self.AFTER, self.AHEAD)
@@ -101,7 +101,9 @@ class FreeDrive:
             view: how far the way along each path is seen, m, (n, paths), as of `bearing`.
             back: way that is still to go backwards, m, (n,).
         """
-        paths, (strict, hard, soft) = self._space.paths, self._space.free(x, y)
+        paths, (strict, hard, soft, least) = self._space.paths, self._space.free(x, y)
+        close = np.where(self._ahead, hard, 0.0).max(axis=1) < self.STUCK
+        hard = np.where(close[:, None], least, hard)
         can = self._possible(motion)
         apart = self.APART * np.abs(paths.first - wanted[:, None])
         value = soft + 0.3 * hard - apart + self.VIEW * np.minimum(view, self.FARTHEST_VIEW) + 0.1 * side[:, None] * paths.turn

@@ -99,18 +99,18 @@ GROWN = 0.8
 
 
 class FreeSpace:
-    """The table of a body and its paths, with a strict, a least and a comfortable margin."""
+    """The table of a body and its paths, with a strict, a usual, a comfortable and a least margin."""
 
-    STRICT, LEAST, COMFORT = Margin(0.05, 0.10, False), Margin(0.04, 0.06, True), Margin(0.14, 0.14, True)
+    MARGINS = (Margin(0.05, 0.10, False), Margin(0.04, 0.06, True), Margin(0.14, 0.14, True), Margin(0.0, 0.02, True))
 
     def __init__(self, body: Body, tightest: float) -> None:
         self.paths = fan(tightest)
-        self._table = _table(body, tightest, (self.STRICT, self.LEAST, self.COMFORT))
+        self._table = _table(body, tightest, self.MARGINS)
         self._wide = round((HIGH[1] - LOW[1]) / CELL)
         self._deep = round((HIGH[0] - LOW[0]) / CELL)
 
-    def free(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return how far each path is free, m, (n, paths) each: with the strict, the least, the comfortable margin.
+    def free(self, x: Floats, y: Floats) -> tuple[Floats, ...]:
+        """Return how far each path is free, m, (n, paths) for each of the `MARGINS`.
 
         Args:
             x, y: the points, m, (points, n).
@@ -119,8 +119,7 @@ class FreeSpace:
         inside = (column >= 0) & (column < self._deep) & (row >= 0) & (row < self._wide)
         cell = np.where(inside, column * self._wide + row, len(self._table) - 1).astype(np.int64)
         strides = self._table[cell].min(axis=0) * STRIDE
-        count = len(self.paths.first)
-        return strides[:, :count], strides[:, count : 2 * count], strides[:, 2 * count :]
+        return tuple(np.split(strides, len(self.MARGINS), axis=1))
 
 
 @lru_cache(maxsize=8)

@@ -192,7 +192,7 @@ class KnightRidersCircuit(DrivingPolicy):
         harmless = self._free.harmless(*points, motion, asked, command[:, 1], pilot.doubt > 0.0)
         lost = pilot.lost > 0.5
         keep = harmless & ~lost
-        wanted = np.where(lost, 0.5 * pilot.curvature, asked)
+        wanted = np.where(lost, 0.5 * pilot.curvature, np.where(pilot.doubt > 0.0, pilot.curvature, asked))
         view = self._reader.view(ranges, self._free.bearing)
         choice = self._free.choose(*points, motion, wanted, side, view, np.where(lost, pilot.back, 0.0))
         steering = np.arctan(choice.curvature * base) - offset
