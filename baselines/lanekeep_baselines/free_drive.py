@@ -49,9 +49,11 @@ class FreeDrive:
     AHEAD, AFTER = 0.2, 0.5
     #: Speed backwards and at least, m/s.
     BACKWARD, LEAST = 0.5, 0.25
-    #: What a path's value loses for another curvature than the wanted one, m per 1/m, and gains with the view along it,
-    #: m per m, up to so far, m; the place of a path that is looked at, m.
-    APART, VIEW, FARTHEST_VIEW, AT = 0.15, 0.25, 6.0, 1.4
+    #: What a path's value loses for another curvature than the wanted one, m per 1/m: where the way is looked for, and
+    #: where a command is replaced.
+    APART, NEARBY = 0.15, 0.5
+    #: What it gains with the view along it, m per m, up to so far, m; the place of a path that is looked at, m.
+    VIEW, FARTHEST_VIEW, AT = 0.25, 6.0, 1.4
 
     def __init__(self, space: FreeSpace, step: float, acceleration: float, fastest: float) -> None:
         self._space, self._step, self._acceleration, self._fastest = space, step, acceleration, fastest
@@ -90,7 +92,17 @@ class FreeDrive:
         """Return the way to a standstill, m."""
         return np.where(speed > 0.0, speed * speed / (2.0 * self.COUNTED * self._acceleration), 0.0) + self.RESERVE
 
-    def choose(self, x: Floats, y: Floats, motion: Motion, wanted: Floats, side: Floats, view: Floats, back: Floats) -> Choice:
+    def choose(
+        self,
+        x: Floats,
+        y: Floats,
+        motion: Motion,
+        wanted: Floats,
+        side: Floats,
+        view: Floats,
+        back: Floats,
+        lost: NDArray[np.bool_],
+    ) -> Choice:
         """Return the best path's command.
 
         Args:
@@ -100,16 +112,23 @@ class FreeDrive:
             side: 1 where the way is known to turn left, -1 right, else 0, (n,).
             view: how far the way along each path is seen, m, (n, paths), as of `bearing`.
             back: way that is still to go backwards, m, (n,).
+            lost: whether the way is looked for; else a command is replaced, (n,).
         """
         paths, (strict, hard, soft, least) = self._space.paths, self._space.free(x, y)
         close = np.where(self._ahead, hard, 0.0).max(axis=1) < self.STUCK
         hard = np.where(close[:, None], least, hard)
         can = self._possible(motion)
-        apart = self.APART * np.abs(paths.first - wanted[:, None])
-        value = soft + 0.3 * hard - apart + self.VIEW * np.minimum(view, self.FARTHEST_VIEW) + 0.1 * side[:, None] * paths.turn
+        apart = np.where(lost, self.APART, self.NEARBY)[:, None] * np.abs(paths.first - wanted[:, None])
+        value = (
+            soft
+            + 0.3 * hard
+            - apart
+            + np.where(lost, self.VIEW, 0.0)[:, None] * np.minimum(view, self.FARTHEST_VIEW)
+            + 0.1 * side[:, None] * paths.turn
+        )
         rows = np.arange(len(wanted))
-        stops = hard >= (self._stopping(motion.speed) + np.maximum(motion.speed, 0.0) * self._step)[:, None]
-        value = np.where(stops, 10.0 + value, hard - apart)
+        needed = (self._stopping(motion.speed) + np.maximum(motion.speed, 0.0) * self._step)[:, None]
+        value = np.where(strict >= needed, 20.0 + value, np.where(hard >= needed, 10.0 + value, hard - apart))
         best = np.where(can & self._ahead, value, -np.inf).argmax(axis=1)
         free = hard[rows, best]
         freer = self._freer_side(soft)
@@ -120,10 +139,13 @@ class FreeDrive:
         back = np.where(stuck & (back <= 0.0), self.BACK, back)
         back = np.where(room < 0.1, 0.0, back)
         reverse = back > 0.0
-        sure = np.maximum(strict[rows, best], np.minimum(free, 0.2))
+        several = np.sort(np.where(can & self._ahead, strict, 0.0), axis=1)[:, -self.SEVERAL]
+        sure = np.maximum(np.minimum(strict[rows, best], several), np.minimum(free, 0.2))
         fast = np.sqrt(2.0 * self.BRAKE * np.maximum(sure - self.RESERVE, 0.0))
         fast = np.where(free > self.STUCK, np.maximum(fast, self.LEAST), 0.0)
-        speed = np.where(reverse, -np.minimum(self.BACKWARD, np.sqrt(2.0 * room * 0.5)), np.minimum(fast, self._fastest))
+        speed = np.where(
+            reverse, -np.minimum(self.BACKWARD, np.sqrt(2.0 * room * 0.5)), np.minimum(fast, self._fastest)
+        )
         curvature = np.where(reverse, paths.first[behind], paths.first[best])
         return Choice(curvature, speed, back, free)
 

@@ -174,15 +174,23 @@ class KnightRidersCircuit(DrivingPolicy):
         known, leg = self._change_over(known, leg)
         leg = self._look(at, ranges, known, leg)
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
-        command, pilot, keep = self._pilot(at, self._map.points(ranges, map_), ranges, command, known, self._side(leg), pilot)
+        command, pilot, keep = self._pilot(
+            at, self._map.points(ranges, map_), ranges, command, known, self._side(leg), pilot
+        )
         leg = leg._replace(phase=np.where(keep, phase, leg.phase))
         steered = np.where(keep[:, None], steered, command[:, :1])
         parts = [known, steered, np.stack(leg, axis=1), np.stack(pilot, axis=1), map_]
         return command, np.concatenate(parts, axis=1)
 
     def _pilot(
-        self, at: Mapping[str, Floats], points: tuple[Floats, Floats], ranges: Floats, command: Floats, known: Floats,
-        side: Floats, pilot: Pilot,
+        self,
+        at: Mapping[str, Floats],
+        points: tuple[Floats, Floats],
+        ranges: Floats,
+        command: Floats,
+        known: Floats,
+        side: Floats,
+        pilot: Pilot,
     ) -> tuple[Floats, Pilot, NDArray[np.bool_]]:
         """Return the command, from free space where the given one is not harmless or the way is lost."""
         offset, base = known[:, 2], self._car.wheelbase
@@ -194,7 +202,7 @@ class KnightRidersCircuit(DrivingPolicy):
         keep = harmless & ~lost
         wanted = np.where(lost, 0.5 * pilot.curvature, np.where(pilot.doubt > 0.0, pilot.curvature, asked))
         view = self._reader.view(ranges, self._free.bearing)
-        choice = self._free.choose(*points, motion, wanted, side, view, np.where(lost, pilot.back, 0.0))
+        choice = self._free.choose(*points, motion, wanted, side, view, np.where(lost, pilot.back, 0.0), lost)
         steering = np.arctan(choice.curvature * base) - offset
         free = np.stack([steering, choice.speed], axis=1)
         doubt = np.where(keep, np.maximum(pilot.doubt - 0.2, 0.0), pilot.doubt + 1.0)
@@ -210,9 +218,7 @@ class KnightRidersCircuit(DrivingPolicy):
         pilot = pilot._replace(back=np.maximum(pilot.back - 2.0 * way, 0.0))
         return np.where(keep[:, None], command, free), pilot, keep
 
-    def _take_up(
-        self, at: Mapping[str, Floats], known: Floats, leg: Leg, pilot: Pilot
-    ) -> tuple[Floats, Leg, Pilot]:
+    def _take_up(self, at: Mapping[str, Floats], known: Floats, leg: Leg, pilot: Pilot) -> tuple[Floats, Leg, Pilot]:
         """Take the wall up again where the car has been along two walls for a while."""
         right, left = at["distance_right"], at["distance_left"]
         sides = right + left
@@ -234,7 +240,12 @@ class KnightRidersCircuit(DrivingPolicy):
         return known, leg, pilot._replace(lost=np.where(over, 0.0, pilot.lost), calm=calm, sides=sides)
 
     def _locate(
-        self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool, leg: Leg, way: Floats,
+        self,
+        at: Mapping[str, Floats],
+        memory: Floats,
+        fresh: NDArray[np.bool_] | bool,
+        leg: Leg,
+        way: Floats,
         lost: NDArray[np.bool_],
     ) -> Floats:
         """Return the filter's next memory, with the right wall's distance where that is the leg's wall.
