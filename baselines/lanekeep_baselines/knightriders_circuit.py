@@ -166,7 +166,8 @@ class KnightRidersCircuit(DrivingPolicy):
         way = 0.5 * (leg.speed + at["speed"]) * self._car.step
         ranges = self._reader.ranges(np.stack([at[channel] for channel in self._reader.channels]))
         turned = np.where(fresh, 0.0, (at["yaw_rate"] - filtered[:, 3]) * self._car.step)
-        map_ = self._map.update(at, ranges, map_, fresh, way, turned)
+        filled = self._reader.bridged(ranges)
+        map_ = self._map.update(at, filled, map_, fresh, way, turned)
         lost = pilot.lost > 0.5
         known = self._locate(at, filtered, fresh, leg, way, lost)
         leg = leg._replace(speed=at["speed"], corner=leg.corner - way * np.cos(known[:, 1]))
@@ -175,7 +176,7 @@ class KnightRidersCircuit(DrivingPolicy):
         leg = self._look(at, ranges, known, leg)
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
         command, pilot, keep = self._pilot(
-            at, self._map.points(ranges, map_), ranges, command, known, self._side(leg), pilot
+            at, self._map.points(filled, map_), filled, command, known, self._side(leg), pilot
         )
         leg = leg._replace(phase=np.where(keep, phase, leg.phase))
         steered = np.where(keep[:, None], steered, command[:, :1])

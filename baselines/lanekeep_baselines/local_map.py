@@ -34,7 +34,7 @@ class LocalMap:
     NEARER, INNER = 0.12, 0.9
     #: An echo ahead is of something that the scan shows if that is not this much farther, m, and of a side wall if it
     #: is not below this share of that one's expected echo.
-    SHOWN, SIDE_SHARE = 0.2, 0.75
+    SHOWN, SIDE_SHARE = 0.2, 0.85
 
     def __init__(self, reader: ScanReader, nose: float, side_sensor: float) -> None:
         self._reader, self._nose, self._side = reader, nose, side_sensor

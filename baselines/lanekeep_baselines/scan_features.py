@@ -73,6 +73,21 @@ class ScanReader:
         edges = np.concatenate([known[:1].repeat(half, axis=0), known, known[-1:].repeat(half, axis=0)])
         return median(np.stack([edges[k : k + len(known)] for k in range(self._window)]))
 
+    def bridged(self, ranges: Floats) -> Floats:
+        """Return the ranges with straight walls where nothing is known between two beams: a window is in a wall."""
+        beams = len(self.angles)
+        known, number = np.isfinite(ranges), np.arange(beams)[:, None]
+        before = np.maximum.accumulate(np.where(known, number, -1), axis=0)
+        after = np.minimum.accumulate(np.where(known, number, beams)[::-1], axis=0)[::-1]
+        between = (before >= 0) & (after < beams) & ~known
+        low, high = np.where(between, before, 0), np.where(between, after, 0)
+        one = np.where(between, np.take_along_axis(ranges, low, axis=0), 1.0)
+        other = np.where(between, np.take_along_axis(ranges, high, axis=0), 1.0)
+        angle = self.angles[:, 0]
+        turn = one * np.sin(self.angles - angle[low]) + other * np.sin(angle[high] - self.angles)
+        wall = one * other * np.sin(angle[high] - angle[low]) / np.where(between, turn, 1.0)
+        return np.where(between, wall, ranges)
+
     def view(self, ranges: Floats, bearing: Floats) -> Floats:
         """Return how far it is seen in directions from the camera (rad, (directions,)), m, (n, directions).
 
