@@ -176,7 +176,7 @@ class KnightRidersCircuit(DrivingPolicy):
         leg = self._look(at, ranges, known, leg)
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
         command, pilot, keep = self._pilot(
-            at, self._map.points(filled, map_), filled, command, known, self._side(leg), pilot
+            at, self._map.points(at, filled, map_), filled, command, known, self._side(leg), pilot
         )
         leg = leg._replace(phase=np.where(keep, phase, leg.phase))
         steered = np.where(keep[:, None], steered, command[:, :1])
@@ -293,7 +293,8 @@ class KnightRidersCircuit(DrivingPolicy):
         corridor = corridor + np.where(np.abs(wider) < self.SAME, 0.2, 0.0) * wider
         at_nose = distance + (self._nose - self._car.sensor) * np.sin(heading)
         ahead = self._nose * np.cos(heading)
-        front = self._reader.ahead(ranges, heading) - corridor
+        wall = np.minimum(self._reader.ahead(ranges, heading), self._map.front(at, ranges) * np.cos(heading))
+        front = wall - corridor
         ends = (
             self._reader.wall_end(ranges, heading, at_nose, -1.0).about(front, self.AGREE),
             self._reader.wall_end(ranges, heading, corridor - at_nose, 1.0).about(front, self.AGREE),

@@ -25,7 +25,7 @@ class LocalMap:
     """Points of the last places of a car; its memory is rows of numbers, elementwise over the rows."""
 
     #: Places kept, sectors of the scan and echoes that each has.
-    KEPT, SECTORS, ECHOES = 32, 12, 3
+    KEPT, SECTORS, ECHOES = 32, 12, 5
     #: Way, m, or turn, rad, to the next place.
     SPACING, TURNING = 0.05, 0.07
     #: Points of the scan beyond this are not kept, m.
@@ -34,7 +34,13 @@ class LocalMap:
     NEARER, INNER = 0.12, 0.9
     #: An echo ahead is of something that the scan shows if that is not this much farther, m, and of a side wall if it
     #: is not below this share of that one's expected echo.
-    SHOWN, SIDE_SHARE = 0.2, 0.85
+    SHOWN, SIDE_SHARE = 0.2, 0.75
+    #: Directions in which it is put, rad; places ahead of the side sensor to which a side wall goes on where the rim of
+    #: the scan shows nothing, m.
+    ACROSS, GOES_ON = (-0.3, 0.0, 0.3), (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
+
+    #: Beams that are the rim.
+    RIM: ClassVar[int] = 6
 
     def __init__(self, reader: ScanReader, nose: float, side_sensor: float) -> None:
         self._reader, self._nose, self._side = reader, nose, side_sensor
@@ -78,13 +84,20 @@ class LocalMap:
         rest = np.stack([np.where(new, 0.0, since), np.where(new, 0.0, angle)])
         return np.concatenate([*kept, rest]).T
 
-    def points(self, ranges: Floats, memory: Floats) -> tuple[Floats, Floats]:
-        """Return all points, x and y, m, (points, n): of the present scan (as given to `update`) and kept ones."""
+    def points(self, at: Mapping[str, Floats], ranges: Floats, memory: Floats) -> tuple[Floats, Floats]:
+        """Return all points, x and y, m, (points, n): of the present step (as given to `update`) and kept ones."""
         x, y = memory[:, :-2].T.reshape(2, self._points, -1)
         known = np.isfinite(ranges)
         far = np.where(known, ranges, NOWHERE)
         ahead, left = self._nose + far * np.cos(self._reader.angles), far * np.sin(self._reader.angles)
-        return np.concatenate([x, ahead]), np.concatenate([y, left])
+        along, across = [x, ahead], [y, left]
+        for side, sign, rim in (("right", -1.0, known[: self.RIM]), ("left", 1.0, known[-self.RIM :])):
+            echo = at[f"distance_{side}"]
+            goes_on = (echo > 0.0) & ~rim.any(axis=0)
+            further = np.array(self.GOES_ON)[:, None]
+            along.append(np.where(goes_on, self._side + further, NOWHERE))
+            across.append(np.where(goes_on, sign * echo + 0.0 * further, NOWHERE))
+        return np.concatenate(along), np.concatenate(across)
 
     def _seen(self, at: Mapping[str, Floats], ranges: Floats) -> tuple[Floats, Floats]:
         """Return the points of this place, x and y, m, (sectors + echoes, n)."""
@@ -104,8 +117,10 @@ class LocalMap:
             x.append(np.where(heard, self._side, NOWHERE))
             y.append(np.where(heard, side * echo, NOWHERE))
         front = self.front(at, ranges)
-        x.append(np.where(np.isfinite(front), self._nose + np.where(np.isfinite(front), front, 0.0), NOWHERE))
-        y.append(np.where(np.isfinite(front), 0.0, NOWHERE))
+        seen = np.isfinite(front)
+        for angle in self.ACROSS:
+            x.append(np.where(seen, self._nose + np.where(seen, front, 0.0) * np.cos(angle), NOWHERE))
+            y.append(np.where(seen, np.where(seen, front, 0.0) * np.sin(angle), NOWHERE))
         return np.stack(x), np.stack(y)
 
     def front(self, at: Mapping[str, Floats], ranges: Floats) -> Floats:
