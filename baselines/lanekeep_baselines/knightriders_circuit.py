@@ -167,13 +167,13 @@ class KnightRidersCircuit(DrivingPolicy):
         ranges = self._reader.ranges(np.stack([at[channel] for channel in self._reader.channels]))
         turned = np.where(fresh, 0.0, (at["yaw_rate"] - filtered[:, 3]) * self._car.step)
         filled = self._reader.bridged(ranges)
-        map_ = self._map.update(at, filled, map_, fresh, way, turned)
+        map_, glass = self._map.update(at, filled, map_, fresh, way, turned)
         lost = pilot.lost > 0.5
         known = self._locate(at, filtered, fresh, leg, way, lost)
         leg = leg._replace(speed=at["speed"], corner=leg.corner - way * np.cos(known[:, 1]))
         known, leg, pilot = self._take_up(at, known, leg, pilot)
         known, leg = self._change_over(known, leg)
-        leg = self._look(at, ranges, known, leg)
+        leg = self._look(at, ranges, glass, known, leg)
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
         command, pilot, keep = self._pilot(
             at, self._map.points(at, filled, map_), filled, command, known, self._side(leg), pilot
@@ -283,7 +283,7 @@ class KnightRidersCircuit(DrivingPolicy):
         corner, phase = np.where(over, _UNKNOWN, leg.corner), np.where(over, _LEAVES, leg.phase)
         return known, leg._replace(corner=corner, phase=phase)
 
-    def _look(self, at: Mapping[str, Floats], ranges: Floats, known: Floats, leg: Leg) -> Leg:
+    def _look(self, at: Mapping[str, Floats], ranges: Floats, glass: Floats, known: Floats, leg: Leg) -> Leg:
         """Measure corridor and corner, and vote for the direction, where the car is along a wall."""
         along, distance, heading = leg.phase == _WALL, known[:, 0], known[:, 1]
         right, left, corridor = at["distance_right"], at["distance_left"], leg.corridor
@@ -293,7 +293,7 @@ class KnightRidersCircuit(DrivingPolicy):
         corridor = corridor + np.where(np.abs(wider) < self.SAME, 0.2, 0.0) * wider
         at_nose = distance + (self._nose - self._car.sensor) * np.sin(heading)
         ahead = self._nose * np.cos(heading)
-        wall = np.minimum(self._reader.ahead(ranges, heading), self._map.front(at, ranges) * np.cos(heading))
+        wall = np.minimum(self._reader.ahead(ranges, heading), glass * np.cos(heading))
         front = wall - corridor
         ends = (
             self._reader.wall_end(ranges, heading, at_nose, -1.0).about(front, self.AGREE),

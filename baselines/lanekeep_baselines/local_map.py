@@ -39,11 +39,12 @@ class LocalMap:
     #: the scan shows nothing, m.
     ACROSS, GOES_ON = (-0.3, 0.0, 0.3), (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
 
-    #: Beams that are the rim.
-    RIM: ClassVar[int] = 6
+    #: Angle that is the rim, rad.
+    RIM: ClassVar[float] = 0.1
 
     def __init__(self, reader: ScanReader, nose: float, side_sensor: float) -> None:
         self._reader, self._nose, self._side = reader, nose, side_sensor
+        self._rim = int(np.count_nonzero(reader.angles <= reader.angles[0] + self.RIM))
         self._per_place = self.SECTORS + self.ECHOES
         self._points = self.KEPT * self._per_place
         self.memory = 2 * self._points + 2
@@ -56,8 +57,8 @@ class LocalMap:
         fresh: NDArray[np.bool_] | bool,
         way: Floats,
         turned: Floats,
-    ) -> Floats:
-        """Return the next memory, (n, memory).
+    ) -> tuple[Floats, Floats]:
+        """Return the next memory, (n, memory), and how far what only the ultrasonic sees is ahead, m, (n,): glass.
 
         Args:
             at: the channels, of which the ultrasonics are read.
@@ -76,13 +77,14 @@ class LocalMap:
         new = (since >= self.SPACING) | (angle >= self.TURNING) | fresh
         gone = self._taken_back(at, x, y)
         x, y = np.where(gone, NOWHERE, x), np.where(gone, NOWHERE, y)
-        seen = self._seen(at, ranges)
+        front = self._front(at, ranges, x[:, : self.SECTORS], y[:, : self.SECTORS])
+        seen = self._seen(at, ranges, front)
         kept = []
         for old, now in zip((x, y), seen, strict=True):
             moved = np.where(new, np.concatenate([old[:1], old[:-1]]), old)
             kept.append(np.concatenate([now[None], moved[1:]]).reshape(self._points, n))
         rest = np.stack([np.where(new, 0.0, since), np.where(new, 0.0, angle)])
-        return np.concatenate([*kept, rest]).T
+        return np.concatenate([*kept, rest]).T, front
 
     def points(self, at: Mapping[str, Floats], ranges: Floats, memory: Floats) -> tuple[Floats, Floats]:
         """Return all points, x and y, m, (points, n): of the present step (as given to `update`) and kept ones."""
@@ -91,7 +93,7 @@ class LocalMap:
         far = np.where(known, ranges, NOWHERE)
         ahead, left = self._nose + far * np.cos(self._reader.angles), far * np.sin(self._reader.angles)
         along, across = [x, ahead], [y, left]
-        for side, sign, rim in (("right", -1.0, known[: self.RIM]), ("left", 1.0, known[-self.RIM :])):
+        for side, sign, rim in (("right", -1.0, known[: self._rim]), ("left", 1.0, known[-self._rim :])):
             echo = at[f"distance_{side}"]
             goes_on = (echo > 0.0) & ~rim.any(axis=0)
             further = np.array(self.GOES_ON)[:, None]
@@ -99,7 +101,7 @@ class LocalMap:
             across.append(np.where(goes_on, sign * echo + 0.0 * further, NOWHERE))
         return np.concatenate(along), np.concatenate(across)
 
-    def _seen(self, at: Mapping[str, Floats], ranges: Floats) -> tuple[Floats, Floats]:
+    def _seen(self, at: Mapping[str, Floats], ranges: Floats, front: Floats) -> tuple[Floats, Floats]:
         """Return the points of this place, x and y, m, (sectors + echoes, n)."""
         x, y = [], []
         for sector, angles in zip(
@@ -116,20 +118,25 @@ class LocalMap:
             heard = (echo > 0.0) & (echo < self.FARTHEST_KEPT)
             x.append(np.where(heard, self._side, NOWHERE))
             y.append(np.where(heard, side * echo, NOWHERE))
-        front = self.front(at, ranges)
         seen = np.isfinite(front)
         for angle in self.ACROSS:
             x.append(np.where(seen, self._nose + np.where(seen, front, 0.0) * np.cos(angle), NOWHERE))
             y.append(np.where(seen, np.where(seen, front, 0.0) * np.sin(angle), NOWHERE))
         return np.stack(x), np.stack(y)
 
-    def front(self, at: Mapping[str, Floats], ranges: Floats) -> Floats:
-        """Return the distance of what only the ultrasonic sees ahead of the nose, m, (n,), inf for nothing: glass."""
+    def _front(self, at: Mapping[str, Floats], ranges: Floats, x: Floats, y: Floats) -> Floats:
+        """Return the distance of what only the ultrasonic sees ahead of the nose, m, (n,), inf for nothing: glass.
+
+        The scan sees what it shows now and what was kept of it, at x and y, m, (places, sectors, n).
+        """
         if "distance_front" not in at:
             return np.full(ranges.shape[1], np.inf)
         echo = at["distance_front"]
         cone = np.abs(self._reader.angles) <= HALF_CONE + 0.02
         shown = np.where(cone, ranges, np.inf).min(axis=0) <= echo + self.SHOWN
+        depth = x - self._nose
+        kept = np.where((depth > 0.0) & (np.abs(y) <= (TANGENT + 0.02) * depth), np.hypot(depth, y), np.inf)
+        shown |= kept.min(axis=(0, 1)) <= echo + self.SHOWN
         sides = [np.where(at[f"distance_{side}"] > 0.0, at[f"distance_{side}"], np.inf) for side in ("right", "left")]
         wall = np.minimum(*sides) / np.sin(HALF_CONE)
         return np.where((echo > 0.0) & ~shown & (echo < self.SIDE_SHARE * wall), echo, np.inf)
