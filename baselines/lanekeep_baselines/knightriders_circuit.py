@@ -16,6 +16,9 @@ Added to it:
 - The lane is near the inner wall, where the lap is shortest and the arc still clears the corner; farther from it in
   wide corridors, whose inner walls may be short. Until the direction is known it is the middle.
 - The speed is the largest one, less where the arc's lateral acceleration asks for it or no direction is known.
+- A command passes only while the car can still stop after it among what it has seen lately (`local_map`, `free_drive`).
+  Else the nearest path that is free is driven instead; after more than four of these the way is looked for in free
+  space, until the car has been along two walls for a while. That way it also drives where there is no rectangle.
 """
 
 from __future__ import annotations
