@@ -36,6 +36,28 @@ class Choice(NamedTuple):
     free: Floats
 
 
+class Pilot(NamedTuple):
+    """What is remembered of who drives, (n,) each.
+
+    Attributes:
+        doubt: rises while the guard intervenes, falls else.
+        lost: 1 where the way is looked for in free space, else 0.
+        losses: how often that began.
+        calm: steps for which the car has been along two walls.
+        back: way still to go backwards, m.
+        curvature: last asked for, 1/m.
+        sides: last sum of the side distances, m.
+    """
+
+    doubt: Floats
+    lost: Floats
+    losses: Floats
+    calm: Floats
+    back: Floats
+    curvature: Floats
+    sides: Floats
+
+
 class FreeDrive:
     """Guard and pathfinder of a car on a `FreeSpace`."""
 

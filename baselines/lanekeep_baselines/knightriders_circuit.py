@@ -30,7 +30,7 @@ from typing import ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.free_drive import FreeDrive, Motion
+from lanekeep_baselines.free_drive import FreeDrive, Motion, Pilot
 from lanekeep_baselines.free_space import Body, FreeSpace
 from lanekeep_baselines.local_map import LocalMap
 from lanekeep_baselines.policy import DrivingPolicy, DrivingScenario, Floats
@@ -79,28 +79,6 @@ class Leg(NamedTuple):
     phase: Floats
 
 
-class Pilot(NamedTuple):
-    """What is remembered of who drives, (n,) each.
-
-    Attributes:
-        doubt: rises while the guard intervenes, falls else.
-        lost: 1 where the way is looked for in free space, else 0.
-        losses: how often that began.
-        calm: steps for which the car has been along two walls.
-        back: way still to go backwards, m.
-        curvature: last asked for, 1/m.
-        sides: last sum of the side distances, m.
-    """
-
-    doubt: Floats
-    lost: Floats
-    losses: Floats
-    calm: Floats
-    back: Floats
-    curvature: Floats
-    sides: Floats
-
-
 class KnightRidersCircuit(DrivingPolicy):
     """`knightriders-circuit`: along the walls and round the corners of a rectangular circuit."""
 
@@ -124,6 +102,8 @@ class KnightRidersCircuit(DrivingPolicy):
     START, SURE = 0.1, 0.08
     #: Votes that settle the direction, and the most that are kept.
     SETTLED, MOST = 3.0, 12.0
+    #: Commands replaced after which the way is looked for.
+    DOUBT: ClassVar[float] = 4.0
     #: Angle of the largest one that paths in free space leave, rad.
     SPARE: ClassVar[float] = float(np.deg2rad(1.0))
     #: Speeds, m/s: without a direction at the corner, and below which gains are those of this one.
@@ -205,21 +185,32 @@ class KnightRidersCircuit(DrivingPolicy):
         lost = pilot.lost > 0.5
         keep = harmless & ~lost
         wanted = np.where(lost, 0.5 * pilot.curvature, np.where(pilot.doubt > 0.0, pilot.curvature, asked))
-        view = self._reader.view(ranges, self._free.bearing)
-        choice = self._free.choose(*points, motion, wanted, side, view, np.where(lost, pilot.back, 0.0), lost)
-        steering = np.arctan(choice.curvature * base) - offset
-        free = np.stack([steering, choice.speed], axis=1)
+        curvature, speed, back = asked.copy(), command[:, 1].copy(), np.zeros_like(asked)
+        rows = np.flatnonzero(~keep)
+        if len(rows):
+            x, y = (values[:, rows] for values in points)
+            choice = self._free.choose(
+                x,
+                y,
+                Motion(*(values[rows] for values in motion)),
+                wanted[rows],
+                side[rows],
+                self._reader.view(ranges[:, rows], self._free.bearing),
+                np.where(lost, pilot.back, 0.0)[rows],
+                lost[rows],
+            )
+            curvature[rows], speed[rows] = choice.curvature, choice.speed
+            back[rows] = np.maximum(choice.back - self._car.step * np.abs(at["speed"][rows]), 0.0)
         doubt = np.where(keep, np.maximum(pilot.doubt - 0.2, 0.0), pilot.doubt + 1.0)
-        loses = ~lost & (doubt > 4.0)
+        loses = ~lost & (doubt > self.DOUBT)
         pilot = pilot._replace(
             doubt=np.where(loses | lost, 0.0, doubt),
             lost=np.where(loses, 1.0, pilot.lost),
             losses=pilot.losses + loses,
-            back=np.where(keep, 0.0, choice.back),
-            curvature=np.where(keep, asked, choice.curvature),
+            back=back,
+            curvature=curvature,
         )
-        way = 0.5 * (choice.back > 0.0) * self._car.step * np.abs(at["speed"])
-        pilot = pilot._replace(back=np.maximum(pilot.back - 2.0 * way, 0.0))
+        free = np.stack([np.arctan(curvature * base) - offset, speed], axis=1)
         return np.where(keep[:, None], command, free), pilot, keep
 
     def _take_up(self, at: Mapping[str, Floats], known: Floats, leg: Leg, pilot: Pilot) -> tuple[Floats, Leg, Pilot]:
