@@ -16,6 +16,10 @@ Added to it:
 - The lane is near the inner wall, where the lap is shortest and the arc still clears the corner; farther from it in
   wide corridors, whose inner walls may be short. Until the direction is known it is the middle.
 - The speed is the largest one, less where the arc's lateral acceleration asks for it or no direction is known.
+- A command passes only while the car can still stop after it among what it has seen lately (`local_map`, `free_drive`).
+  Else the nearest path that is free is driven instead; after more than four of these the way is looked for in free
+  space, until the car has been along two walls for a while. That way it also drives where there is no rectangle.
+  Windows are heard by the ultrasonics only, often late: walls with glass are still touched at times.
 """
 
 from __future__ import annotations
@@ -27,6 +31,9 @@ from typing import ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from lanekeep_baselines.free_drive import FreeDrive, Motion, Pilot
+from lanekeep_baselines.free_space import Body, FreeSpace
+from lanekeep_baselines.local_map import LocalMap
 from lanekeep_baselines.policy import DrivingPolicy, DrivingScenario, Floats
 from lanekeep_baselines.scan_features import ScanReader, WallEnd
 from lanekeep_baselines.wall_cascade import LARGEST_HEADING
@@ -51,6 +58,8 @@ class CircuitDrive(DrivingScenario, Protocol):
     def scan(self) -> Scan: ...
     @property
     def sensors(self) -> Sensors: ...
+    @property
+    def max_acceleration(self) -> float: ...
 
 
 class Leg(NamedTuple):
@@ -76,7 +85,7 @@ class KnightRidersCircuit(DrivingPolicy):
 
     name = "knightriders-circuit"
     reads = ("distance_right", "distance_left", "yaw_rate", "speed", "steering_command", "scan_0")
-    uses = ("scan_*",)
+    uses = ("distance_front", "scan_*")
 
     #: Radius of the corners, m: 19.3 degrees of steering at the source's car, which leaves 1.7 beyond an offset of 1.
     RADIUS: ClassVar[float] = 1.0
@@ -94,6 +103,10 @@ class KnightRidersCircuit(DrivingPolicy):
     START, SURE = 0.1, 0.08
     #: Votes that settle the direction, and the most that are kept.
     SETTLED, MOST = 3.0, 12.0
+    #: Commands replaced after which the way is looked for.
+    DOUBT: ClassVar[float] = 4.0
+    #: Angle of the largest one that paths in free space leave, rad.
+    SPARE: ClassVar[float] = float(np.deg2rad(1.0))
     #: Speeds, m/s: without a direction at the corner, and below which gains are those of this one.
     CREEP, SLOWEST = 1.2, 0.2
 
@@ -106,8 +119,14 @@ class KnightRidersCircuit(DrivingPolicy):
         self._filter = WallFilter(self._car, self._noise(scenario))
         self._control = Cascade(self._car, self._limit, LARGEST_HEADING)
         self._reader = ScanReader(scenario.scan)
-        self._split = self._filter.memory, self._filter.memory + self._control.memory
-        self.memory = self._split[1] + len(Leg._fields)
+        body = Body(self._nose, 0.5 * (car.length - car.wheelbase), 0.5 * car.width)
+        self._map = LocalMap(self._reader, self._nose, self._car.sensor)
+        tightest = float(np.tan(self._limit - self.SPARE) / car.wheelbase)
+        space = FreeSpace(body, tightest)
+        self._free = FreeDrive(space, scenario.control_step, scenario.max_acceleration, scenario.max_speed)
+        sizes = (self._filter.memory, self._control.memory, len(Leg._fields), len(Pilot._fields), self._map.memory)
+        self._split = tuple(np.cumsum(sizes[:-1]))
+        self.memory = sum(sizes)
 
     def _noise(self, scenario: CircuitDrive) -> WallNoise:
         """Return the filter's noise: what it has for granted, more for worse sensors, and a start along the wall."""
@@ -123,20 +142,107 @@ class KnightRidersCircuit(DrivingPolicy):
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats | None]:
-        first, second = self._split
-        leg = Leg(*memory[:, second:].T)
+        filtered, steered, leg_, pilot_, map_ = np.split(memory, self._split, axis=1)
         blank = np.zeros_like(at["speed"])
         start = (blank, blank + _UNKNOWN, at["distance_right"] + at["distance_left"], blank, blank)
-        leg = Leg(*(np.where(fresh, new, old) for new, old in zip(start, leg, strict=True)))
+        leg = Leg(*(np.where(fresh, new, old) for new, old in zip(start, leg_.T, strict=True)))
+        pilot = Pilot(*np.where(fresh, 0.0, pilot_.T))
         way = 0.5 * (leg.speed + at["speed"]) * self._car.step
-        known = self._locate(at, memory[:, :first], fresh, leg, way)
+        ranges = self._reader.ranges(np.stack([at[channel] for channel in self._reader.channels]))
+        turned = np.where(fresh, 0.0, (at["yaw_rate"] - filtered[:, 3]) * self._car.step)
+        filled = self._reader.bridged(ranges)
+        map_, glass = self._map.update(at, filled, map_, fresh, way, turned)
+        lost = pilot.lost > 0.5
+        known = self._locate(at, filtered, fresh, leg, way, lost)
         leg = leg._replace(speed=at["speed"], corner=leg.corner - way * np.cos(known[:, 1]))
+        known, leg, pilot = self._take_up(at, known, leg, pilot)
         known, leg = self._change_over(known, leg)
-        leg = self._look(at, known, leg)
-        return self._drive(at, memory[:, first:second], fresh, known, leg)
+        leg = self._look(at, ranges, glass, known, leg)
+        command, steered, phase = self._drive(at, steered, fresh, known, leg)
+        command, pilot, keep = self._pilot(
+            at, self._map.points(at, filled, map_), filled, command, known, self._side(leg), pilot
+        )
+        leg = leg._replace(phase=np.where(keep, phase, leg.phase))
+        steered = np.where(keep[:, None], steered, command[:, :1])
+        parts = [known, steered, np.stack(leg, axis=1), np.stack(pilot, axis=1), map_]
+        return command, np.concatenate(parts, axis=1)
+
+    def _pilot(
+        self,
+        at: Mapping[str, Floats],
+        points: tuple[Floats, Floats],
+        ranges: Floats,
+        command: Floats,
+        known: Floats,
+        side: Floats,
+        pilot: Pilot,
+    ) -> tuple[Floats, Pilot, NDArray[np.bool_]]:
+        """Return the command, from free space where the given one is not harmless or the way is lost."""
+        offset, base = known[:, 2], self._car.wheelbase
+        least, most = np.tan(offset - self._limit) / base, np.tan(offset + self._limit) / base
+        motion = Motion(at["speed"], pilot.curvature, least, most)
+        asked = np.tan(np.clip(command[:, 0], -self._limit, self._limit) + offset) / base
+        harmless = self._free.harmless(*points, motion, asked, command[:, 1], pilot.doubt > 0.0)
+        lost = pilot.lost > 0.5
+        keep = harmless & ~lost
+        wanted = np.where(lost, 0.5 * pilot.curvature, np.where(pilot.doubt > 0.0, pilot.curvature, asked))
+        curvature, speed, back = asked.copy(), command[:, 1].copy(), np.zeros_like(asked)
+        rows = np.flatnonzero(~keep)
+        if len(rows):
+            x, y = (values[:, rows] for values in points)
+            choice = self._free.choose(
+                x,
+                y,
+                Motion(*(values[rows] for values in motion)),
+                wanted[rows],
+                side[rows],
+                self._reader.view(ranges[:, rows], self._free.bearing),
+                np.where(lost, pilot.back, 0.0)[rows],
+                lost[rows],
+            )
+            curvature[rows], speed[rows] = choice.curvature, choice.speed
+            back[rows] = np.maximum(choice.back - self._car.step * np.abs(at["speed"][rows]), 0.0)
+        doubt = np.where(keep, np.maximum(pilot.doubt - 0.2, 0.0), pilot.doubt + 1.0)
+        loses = ~lost & (doubt > self.DOUBT)
+        pilot = pilot._replace(
+            doubt=np.where(loses | lost, 0.0, doubt),
+            lost=np.where(loses, 1.0, pilot.lost),
+            losses=pilot.losses + loses,
+            back=back,
+            curvature=curvature,
+        )
+        free = np.stack([np.arctan(curvature * base) - offset, speed], axis=1)
+        return np.where(keep[:, None], command, free), pilot, keep
+
+    def _take_up(self, at: Mapping[str, Floats], known: Floats, leg: Leg, pilot: Pilot) -> tuple[Floats, Leg, Pilot]:
+        """Take the wall up again where the car has been along two walls for a while."""
+        right, left = at["distance_right"], at["distance_left"]
+        sides = right + left
+        along = (right > 0.0) & (left > 0.0) & (np.abs(sides - pilot.sides) < 0.08)
+        along &= (np.abs(at["yaw_rate"] - known[:, 3]) < 0.2) & (at["speed"] > 0.2)
+        calm = np.where(along, pilot.calm + 1.0, 0.0)
+        over = (pilot.lost > 0.5) & (calm >= 6.0 * np.maximum(pilot.losses, 1.0))
+        states, covariance = known[:, :4].copy(), known[:, 4:].reshape(-1, 4, 4).copy()
+        states[:, 0], states[:, 1] = right, 0.0
+        covariance[:, :2, :] = covariance[:, :, :2] = 0.0
+        covariance[:, 0, 0], covariance[:, 1, 1] = 0.05**2, self.START**2
+        changed = np.concatenate([states, covariance.reshape(-1, 16)], axis=1)
+        known = np.where(over[:, None], changed, known)
+        leg = leg._replace(
+            corner=np.where(over, _UNKNOWN, leg.corner),
+            corridor=np.where(over, sides, leg.corridor),
+            phase=np.where(over, _WALL, leg.phase),
+        )
+        return known, leg, pilot._replace(lost=np.where(over, 0.0, pilot.lost), calm=calm, sides=sides)
 
     def _locate(
-        self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool, leg: Leg, way: Floats
+        self,
+        at: Mapping[str, Floats],
+        memory: Floats,
+        fresh: NDArray[np.bool_] | bool,
+        leg: Leg,
+        way: Floats,
+        lost: NDArray[np.bool_],
     ) -> Floats:
         """Return the filter's next memory, with the right wall's distance where that is the leg's wall.
 
@@ -147,7 +253,7 @@ class KnightRidersCircuit(DrivingPolicy):
         same = np.abs(right - memory[:, 0] - way * np.sin(heading)) < self.SAME
         same |= (left > 0.0) & (np.abs(right + left - leg.corridor) < 0.5 * self.SAME)
         passed = (self._side(leg) <= 0.0) & (leg.corner - way < self._car.sensor)
-        shown = (right > 0.0) & same & (leg.phase != _ENTERS) & ~passed
+        shown = (right > 0.0) & same & (leg.phase != _ENTERS) & ~passed & ~lost
         distance = np.where(shown | fresh, right, 0.0)  # 0 corrects nothing
         return self._filter.update(
             memory, fresh, way / self._car.step, at["steering_command"], distance, at["yaw_rate"]
@@ -172,7 +278,7 @@ class KnightRidersCircuit(DrivingPolicy):
         corner, phase = np.where(over, _UNKNOWN, leg.corner), np.where(over, _LEAVES, leg.phase)
         return known, leg._replace(corner=corner, phase=phase)
 
-    def _look(self, at: Mapping[str, Floats], known: Floats, leg: Leg) -> Leg:
+    def _look(self, at: Mapping[str, Floats], ranges: Floats, glass: Floats, known: Floats, leg: Leg) -> Leg:
         """Measure corridor and corner, and vote for the direction, where the car is along a wall."""
         along, distance, heading = leg.phase == _WALL, known[:, 0], known[:, 1]
         right, left, corridor = at["distance_right"], at["distance_left"], leg.corridor
@@ -180,10 +286,10 @@ class KnightRidersCircuit(DrivingPolicy):
         straight &= leg.corner > self._car.sensor
         wider = np.where(straight, right + left - corridor, 0.0)
         corridor = corridor + np.where(np.abs(wider) < self.SAME, 0.2, 0.0) * wider
-        ranges = self._reader.ranges(np.stack([at[channel] for channel in self._reader.channels]))
         at_nose = distance + (self._nose - self._car.sensor) * np.sin(heading)
         ahead = self._nose * np.cos(heading)
-        front = self._reader.ahead(ranges, heading) - corridor
+        wall = np.minimum(self._reader.ahead(ranges, heading), glass * np.cos(heading))
+        front = wall - corridor
         ends = (
             self._reader.wall_end(ranges, heading, at_nose, -1.0).about(front, self.AGREE),
             self._reader.wall_end(ranges, heading, corridor - at_nose, 1.0).about(front, self.AGREE),
@@ -207,8 +313,8 @@ class KnightRidersCircuit(DrivingPolicy):
 
     def _drive(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool, known: Floats, leg: Leg
-    ) -> tuple[Floats, Floats]:
-        """Return steering and speed, (n, 2), and the next memory: arc or cascade."""
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return steering and speed, (n, 2), the cascade's next memory and the next phase: arc or cascade."""
         distance, heading, offset, bias = known[:, 0], known[:, 1], known[:, 2], known[:, 3]
         speed, side, corridor = at["speed"], self._side(leg), leg.corridor
         inner = self.NEAR + (self.WIDE - self.NEAR) * np.clip(corridor - 2.0, 0.0, 1.0)
@@ -238,5 +344,4 @@ class KnightRidersCircuit(DrivingPolicy):
         way = np.where(side == 0.0, leg.corner, across - self.RADIUS)
         target = np.where(arc, slow, np.sqrt(near**2 + 2.0 * self.BRAKE * np.maximum(way, 0.0)))
         target = np.minimum(target, self._fastest)
-        memory = np.concatenate([known, following, np.stack(leg._replace(phase=phase), axis=1)], axis=1)
-        return np.stack([steering, target], axis=1), memory
+        return np.stack([steering, target], axis=1), following, phase

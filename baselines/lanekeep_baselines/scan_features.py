@@ -52,10 +52,15 @@ class ScanReader:
     FARTHEST, FLATTEST = 4.0, 0.25
     #: Half the angle around the leg's direction whose beams measure the wall ahead, rad.
     AHEAD = float(np.deg2rad(2.5))
+    #: Share of the range up to which a wall ahead is believed.
+    TRUSTED = 0.85
+    #: Angle on either side within which the way is seen, rad.
+    BESIDE = float(np.deg2rad(3.0))
 
     def __init__(self, scan: Scan) -> None:
         self.channels = tuple(f"scan_{k}" for k in range(scan.beams))
-        self._angles = (np.arange(scan.beams) * scan.step - 0.5 * scan.field_of_view)[:, None]
+        self.angles = (np.arange(scan.beams) * scan.step - 0.5 * scan.field_of_view)[:, None]
+        self._farthest = scan.farthest
         faulty = scan.noise > 0.0 or scan.missing_every > 0 or scan.jump_errors > 0.0
         self._window = self.WINDOW if faulty else 1
 
@@ -68,14 +73,49 @@ class ScanReader:
         edges = np.concatenate([known[:1].repeat(half, axis=0), known, known[-1:].repeat(half, axis=0)])
         return median(np.stack([edges[k : k + len(known)] for k in range(self._window)]))
 
+    def bridged(self, ranges: Floats) -> Floats:
+        """Return the ranges with straight walls where nothing is known between two beams: a window is in a wall."""
+        beams = len(self.angles)
+        known, number = np.isfinite(ranges), np.arange(beams)[:, None]
+        before = np.maximum.accumulate(np.where(known, number, -1), axis=0)
+        after = np.minimum.accumulate(np.where(known, number, beams)[::-1], axis=0)[::-1]
+        between = (before >= 0) & (after < beams) & ~known
+        low, high = np.where(between, before, 0), np.where(between, after, 0)
+        one = np.where(between, np.take_along_axis(ranges, low, axis=0), 1.0)
+        other = np.where(between, np.take_along_axis(ranges, high, axis=0), 1.0)
+        angle = self.angles[:, 0]
+        turn = one * np.sin(self.angles - angle[low]) + other * np.sin(angle[high] - self.angles)
+        wall = one * other * np.sin(angle[high] - angle[low]) / np.where(between, turn, 1.0)
+        return np.where(between, wall, ranges)
+
+    def view(self, ranges: Floats, bearing: Floats) -> Floats:
+        """Return how far it is seen in directions from the camera (rad, (directions,)), m, (n, directions).
+
+        It is the least of a few beams, where nothing is known the farthest; beyond the rim that of the rim.
+        """
+        beams = len(self.angles)
+        middle = np.clip(np.searchsorted(self.angles[:, 0], bearing), 0, beams - 1)
+        half = max(1, round(self.BESIDE / (self.angles[1, 0] - self.angles[0, 0])))
+        seen = np.minimum(ranges, self._farthest)
+        edges = np.concatenate([seen[:1].repeat(half, axis=0), seen, seen[-1:].repeat(half, axis=0)])
+        least = np.stack([edges[k : k + beams] for k in range(2 * half + 1)]).min(axis=0)
+        return least[middle].T
+
     def ahead(self, ranges: Floats, heading: Floats) -> Floats:
-        """Return the distance of the wall ahead along the leg, m, (n,), inf where nothing is known."""
-        angle = self._angles + heading
-        return median(np.where(np.abs(angle) <= self.AHEAD, ranges * np.cos(angle), np.inf))
+        """Return the distance of the wall ahead along the leg, m, (n,), inf where less than half of it is known.
+
+        Where it is out of range, beams beside it may show a side wall: what is near the end of the range is left out.
+        """
+        angle = self.angles + heading
+        looks = np.abs(angle) <= self.AHEAD
+        along = np.where(looks, ranges * np.cos(angle), np.inf)
+        enough = 2 * np.isfinite(along).sum(axis=0) >= looks.sum(axis=0)
+        wall = median(along)
+        return np.where(enough & (wall <= self.TRUSTED * self._farthest), wall, np.inf)
 
     def wall_end(self, ranges: Floats, heading: Floats, distance: Floats, side: float) -> WallEnd:
         """Return where the wall at a ``distance`` (m, (n,)) of the camera ends; ``side`` is 1 left, -1 right."""
-        angle = self._angles + heading
+        angle = self.angles + heading
         slope = side * np.tan(angle)
         usable = np.isfinite(ranges) & (slope >= self.FLATTEST)
         stop = np.where(usable, distance / np.where(usable, slope, 1.0), np.inf)
