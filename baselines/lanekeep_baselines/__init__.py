@@ -50,6 +50,7 @@ _POLICIES = {
     "lq-preview-offset-free": "lq:LqPreviewOffsetFree",
     "lqg": "lq:LinearQuadraticGaussian",
     "knightriders-circuit": "knightriders_circuit:KnightRidersCircuit",
+    "knightriders-obstacles-published": "knightriders_obstacles_published:KnightRidersObstaclesPublished",
     "knightriders-park": "knightriders_park:KnightRidersPark",
     "knightriders-park-published": "knightriders_park_published:KnightRidersParkPublished",
 }
