@@ -53,6 +53,7 @@ _POLICIES = {
     "knightriders-obstacles-published": "knightriders_obstacles_published:KnightRidersObstaclesPublished",
     "knightriders-park": "knightriders_park:KnightRidersPark",
     "knightriders-park-published": "knightriders_park_published:KnightRidersParkPublished",
+    "knightriders-modes": "knightriders_modes:KnightRidersModes",
 }
 
 

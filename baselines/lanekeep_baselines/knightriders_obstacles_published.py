@@ -18,6 +18,7 @@ the rear axle's: a corner is reached, and a jump point passed, when the rear axl
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -75,6 +76,14 @@ class Route(NamedTuple):
         return np.concatenate([np.stack(self[:4], axis=1), self.ways, self.bends], axis=1)
 
 
+def inner(camera: Scan) -> Scan:
+    """Return the camera without the rims that never show anything; all of it where nothing would be left."""
+    beams = camera.beams - 2 * camera.missing_rim
+    if beams < 2:
+        return replace(camera, missing_rim=0)
+    return replace(camera, beams=beams, field_of_view=(beams - 1) * camera.step, missing_rim=0)
+
+
 class KnightRidersObstaclesPublished(DrivingPolicy):
     """`knightriders-obstacles-published`: the report's obstacle avoidance, by its own formulas."""
 
@@ -103,8 +112,8 @@ class KnightRidersObstaclesPublished(DrivingPolicy):
         self._wheelbase, self._overhang = car.wheelbase, 0.5 * (car.length - car.wheelbase)
         self._limit = min(scenario.max_steering_angle, car.steering.angle_limit or np.inf)
         self._radius = car.wheelbase / np.tan(self._limit)
-        self._camera, self._step = scenario.scan, scenario.control_step
-        self._beams = [f"scan_{k}" for k in range(self._camera.beams)]
+        self._camera, self._step = inner(scenario.scan), scenario.control_step
+        self._beams = [f"scan_{k + scenario.scan.missing_rim}" for k in range(self._camera.beams)]
         wall = WallCar(car.wheelbase, 0.5 * car.wheelbase, self._step)
         self._control = Pd(wall, self._limit / _DEGREE, pd_design(self._step))
 
