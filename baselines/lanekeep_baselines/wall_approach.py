@@ -29,7 +29,7 @@ class WallApproach(DrivingPolicy):
     #: Distance of the side sensor from the wall, m: 0.4 from a row of cars 0.265 m wide with 0.05 m behind them.
     WANTED, SLOW = 0.7, 0.35
     #: What a reading may be off the expected one, m.
-    SAME: ClassVar[float] = 0.1
+    SAME: ClassVar[float] = 0.05
     #: It has arrived so near to the wanted distance, m, and the wall's direction, rad, known as well as that, rad.
     NEAR, PARALLEL, SURE = 0.1, float(np.deg2rad(3.0)), float(np.deg2rad(3.0))
 

@@ -23,6 +23,7 @@ from lanekeep_env.scenario import (
     DriveScenario,
     EvasiveScenario,
     LaneKeepScenario,
+    ObstacleCircuitScenario,
     ReversePathScenario,
     WallFollowScenario,
 )
@@ -94,7 +95,8 @@ class Watched:
 
 WALLS = WallFollowScenario(observation="full")
 LATE = CameraLaneScenario(sensors={"edge_distance": {"period": 0.08}})
-EVERY = (LaneKeepScenario(preview=11), LATE, WALLS, CircuitScenario(), EvasiveScenario(), ReversePathScenario())
+COURSES = (ObstacleCircuitScenario(), CircuitScenario())
+EVERY = (LaneKeepScenario(preview=11), LATE, WALLS, *COURSES, EvasiveScenario(), ReversePathScenario())
 SCENARIOS = {n: scenario for scenario in (*EVERY, DriveScenario()) for n in lanekeep_baselines.names(scenario)}
 #: Fields that every policy may read.
 BASE = {name for name, member in vars(Scenario).items() if isinstance(member, property)}
@@ -173,6 +175,7 @@ TOLD = [
     ("CameraLaneScenario", {}),
     ("WallFollowScenario", {"observation": "full"}),
     ("CircuitScenario", {}),
+    ("ObstacleCircuitScenario", {}),
     ("EvasiveScenario", {}),
     ("ReversePathScenario", {}),
     ("DriveScenario", {}),
