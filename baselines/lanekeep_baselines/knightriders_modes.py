@@ -47,7 +47,7 @@ class KnightRidersModes(DrivingPolicy):
     reads = _together(PARTS, "reads")
     uses = _together(PARTS, "uses")
 
-    #: The row is approached from below this speed on, m/s, and this yaw rate, rad/s: in an arc that slow it is twice it.
+    #: The row is approached once speed, m/s, and yaw rate, rad/s, are below these: in an arc it is twice as much.
     SLOW, STRAIGHT = 0.4, 0.2
 
     def __init__(self, scenario: CircuitDrive) -> None:

@@ -7,7 +7,8 @@ control steps) the scan tells what is in the detection box:
   straight, else a short way back; without a jump point an arc of 25 degrees to the freer side (4.3.1);
 - nothing: a corner to the right is looked for, to which a straight and an arc of 90 degrees lead (4.3.3).
 A plan's segments, a way by the encoder with the wheels straight or at their limit, are driven one after another. Only
-the area straight ahead is watched meanwhile: a hit discards them all, the car goes back a short way and looks anew (4.4).
+the area straight ahead is watched meanwhile: a hit discards them all, and after a short way back the car looks anew
+(4.4).
 
 Decisions, where the text is silent: the attributes of the class, and that a segment ends where less than half a step is
 left of it. A wall nearly across has no side to which the arc is the smaller one: the car turns to the left as long as
@@ -69,7 +70,8 @@ class Route(NamedTuple):
     @classmethod
     def split(cls, memory: Floats) -> Route:
         """Return the route of a memory (n, columns)."""
-        return cls(*memory.T[:4], memory[:, 4 : 4 + SEGMENTS], memory[:, 4 + SEGMENTS :])
+        speed, tick, distance, error = memory.T[:4]
+        return cls(speed, tick, distance, error, memory[:, 4 : 4 + SEGMENTS], memory[:, 4 + SEGMENTS :])
 
     def joined(self) -> Floats:
         """Return the memory, (n, columns)."""
@@ -94,7 +96,7 @@ class KnightRidersObstaclesPublished(DrivingPolicy):
 
     #: Distance of the side sensor from the right wall that is followed, m.
     WANTED: ClassVar[float] = 0.6
-    #: Speeds among obstacles, m/s: along the wall and on straights, in arcs, back; and how much faster without obstacles.
+    #: Speeds among obstacles, m/s: along the wall and on straights, in arcs, back; without obstacles so much faster.
     STRAIGHT, ARC, BACK, FASTER = 0.8, 0.5, 0.3, 1.5
     #: How far the car goes back, m: where there is no path, and after a hit.
     REVERSE, RETREAT = 0.3, 0.3
@@ -179,7 +181,9 @@ class KnightRidersObstaclesPublished(DrivingPolicy):
         # Nothing: straight on to a corner and round it.
         corner = right_corner(place, self._camera, PUBLISHED)
         straight = from_rear_axle(corner.ahead, self._wheelbase, self._overhang)
-        rounds = np.where(corner.found[:, None], np.stack([straight, blank + self._radius * CORNER, blank], axis=1), 0.0)
+        rounds = np.where(
+            corner.found[:, None], np.stack([straight, blank + self._radius * CORNER, blank], axis=1), 0.0
+        )
         first = np.array([1.0, 0.0, 0.0])
         is_wall, is_obstacle = (kind == WALL)[:, None], (kind == OBSTACLE)[:, None]
         sides = np.where(passes, np.sign(path[..., 1]), jump.side[:, None] * first)
@@ -194,9 +198,7 @@ class KnightRidersObstaclesPublished(DrivingPolicy):
         ways = np.take_along_axis(ways, order, axis=1)
         return ways, np.where(ways == 0.0, 0.0, np.take_along_axis(bends, order, axis=1))
 
-    def _follow(
-        self, at: Mapping[str, Floats], now: Route, fresh: NDArray[np.bool_]
-    ) -> tuple[Floats, Floats, Floats]:
+    def _follow(self, at: Mapping[str, Floats], now: Route, fresh: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
         """Return steering, rad, and speed, m/s, of the plan or along the wall, and the PD's error, m."""
         drives, bend = now.ways[:, 0] != 0.0, now.bends[:, 0]
         wanted = np.full_like(now.distance, self.WANTED)
