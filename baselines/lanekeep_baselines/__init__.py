@@ -50,8 +50,11 @@ _POLICIES = {
     "lq-preview-offset-free": "lq:LqPreviewOffsetFree",
     "lqg": "lq:LinearQuadraticGaussian",
     "knightriders-circuit": "knightriders_circuit:KnightRidersCircuit",
+    "knightriders-obstacles": "knightriders_obstacles:KnightRidersObstacles",
+    "knightriders-obstacles-published": "knightriders_obstacles_published:KnightRidersObstaclesPublished",
     "knightriders-park": "knightriders_park:KnightRidersPark",
     "knightriders-park-published": "knightriders_park_published:KnightRidersParkPublished",
+    "knightriders-modes": "knightriders_modes:KnightRidersModes",
 }
 
 
