@@ -107,8 +107,6 @@ class KnightRidersCircuit(DrivingPolicy):
     DOUBT: ClassVar[float] = 4.0
     #: Angle of the largest one that paths in free space leave, rad.
     SPARE: ClassVar[float] = float(np.deg2rad(1.0))
-    #: Largest speed, m/s, where the scenario allows more.
-    MOST_SPEED: ClassVar[float] = np.inf
     #: Speeds, m/s: without a direction at the corner, and below which gains are those of this one.
     CREEP, SLOWEST = 1.2, 0.2
 
@@ -116,7 +114,6 @@ class KnightRidersCircuit(DrivingPolicy):
         super().__init__(scenario)
         car = scenario.vehicle
         self._car = WallCar(car.wheelbase, 0.5 * car.wheelbase, scenario.control_step)
-        self._most = min(scenario.max_speed, self.MOST_SPEED)
         self._nose = 0.5 * car.wheelbase + 0.5 * car.length  # of the camera, ahead of the rear axle
         self._limit = scenario.max_steering_angle
         self._filter = WallFilter(self._car, self._noise(scenario))
@@ -126,7 +123,7 @@ class KnightRidersCircuit(DrivingPolicy):
         self._map = LocalMap(self._reader, self._nose, self._car.sensor)
         tightest = float(np.tan(self._limit - self.SPARE) / car.wheelbase)
         space = FreeSpace(body, tightest)
-        self._free = FreeDrive(space, scenario.control_step, scenario.max_acceleration, self._most)
+        self._free = FreeDrive(space, scenario.control_step, scenario.max_acceleration, scenario.max_speed)
         sizes = (self._filter.memory, self._control.memory, len(Leg._fields), len(Pilot._fields), self._map.memory)
         self._split = tuple(np.cumsum(sizes[:-1]))
         self.memory = sum(sizes)
@@ -346,5 +343,5 @@ class KnightRidersCircuit(DrivingPolicy):
         near = np.where(side == 0.0, self.CREEP, slow)
         way = np.where(side == 0.0, leg.corner, across - self.RADIUS)
         target = np.where(arc, slow, np.sqrt(near**2 + 2.0 * self.BRAKE * np.maximum(way, 0.0)))
-        target = np.minimum(target, self._most)
+        target = np.minimum(target, self._fastest)
         return np.stack([steering, target], axis=1), following, phase

@@ -37,7 +37,8 @@ def parked(policy: str, gap: float, rows: int, keywords: dict[str, Any]) -> floa
     env = gym.make_vec(
         "lanekeep/ParallelPark-v0", rows, vectorization_mode="vector_entry_point", world=world, scan="none", **keywords
     )
-    driver = lanekeep_baselines.make(policy, env.unwrapped.scenario)
+    cars: Any = env.unwrapped
+    driver = lanekeep_baselines.make(policy, cars.scenario)
     observation, _ = env.reset(seed=SEED, options={"world_index": np.arange(rows)})
     state, over, success = None, np.zeros(rows, dtype=np.bool_), np.zeros(rows, dtype=np.bool_)
     while not over.all():
