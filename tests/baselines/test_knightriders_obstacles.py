@@ -164,7 +164,7 @@ def test_without_obstacles_it_is_faster_and_looks_for_none() -> None:
 
 
 def test_circuits_among_boxes_are_driven() -> None:
-    """What it can do: most circuits, and not all of them (a box of 0.265 m beside 0.2 m has 6.8 cm)."""
+    """The phases together take it round most circuits."""
     world = {"kind": "random-obstacle-circuits", "seed": 2017, "count": 16}
     run = drive(PUBLISHED, 2700, cars=16, start={"world_index": np.arange(16)}, world=world)
     success = (run.done & ~run.contact).any(axis=0)
@@ -173,8 +173,11 @@ def test_circuits_among_boxes_are_driven() -> None:
 
 @pytest.fixture(scope="module")
 def tasks() -> dict[bool, SimpleNamespace]:
-    """All three modes in one episode, in one world, both directions."""
+    """All three modes in one episode, in one world, both directions; noise, biases, the Kinect's faults."""
     settings: dict[str, Any] = {
+        "sensors": "production",
+        "encoder_ticks": 40,
+        "scan": "kinect-columns",
         "world": {**ROW, "boxes": [(-6.8, 0.0, 0.1, 0.3, 0.3)]},
         "modes": [(0.0, "roundtrip"), (4.0, "obstacles"), (6.6, "park")],
         "cars": 4,
@@ -197,7 +200,7 @@ def test_modes_change_in_one_episode_that_ends_parked(tasks: dict[bool, SimpleNa
         np.testing.assert_array_equal(order, [ROUNDTRIP, OBSTACLES, APPROACH, PARK])
         slow = driven == APPROACH
         speed = [channel.name for channel in ObstacleCircuitScenario().channels].index("speed")
-        assert run.seen[: len(slow)][slow, car, speed].max() <= KnightRidersModes.SLOW + 1e-3
+        assert run.seen[: len(slow)][slow, car, speed].max() < KnightRidersModes.SLOW + 0.15  # a tick of the encoder
 
 
 def test_each_mode_is_its_policy_to_the_last_bit() -> None:
