@@ -7,7 +7,7 @@ wall on the right is approached, which the authors wish for.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -22,12 +22,12 @@ from lanekeep_baselines.wall_approach import WallApproach
 #: Values of the channel `mode`, and what comes before the last.
 ROUNDTRIP, OBSTACLES, PARK, APPROACH = 0.0, 1.0, 2.0, 3.0
 
-_Parts = Mapping[float, type[KnightRidersCircuit] | type[KnightRidersPark] | type[WallApproach]]
+_Part = type[KnightRidersCircuit] | type[KnightRidersPark] | type[WallApproach]
 
 
-def _together(parts: _Parts, declared: str) -> tuple[str, ...]:
+def _together(parts: Iterable[_Part], declared: str) -> tuple[str, ...]:
     """Return the channels that any of the policies declares so, each once."""
-    return tuple(dict.fromkeys(channel for part in parts.values() for channel in getattr(part, declared)))
+    return tuple(dict.fromkeys(channel for part in parts for channel in getattr(part, declared)))
 
 
 class CourseDrive(CircuitDrive, ParkingDrive, Protocol):
@@ -43,14 +43,13 @@ class KnightRidersModes(DrivingPolicy):
     name = "knightriders-modes"
 
     #: The policy of each mode.
-    PARTS: ClassVar[_Parts] = {
+    PARTS: ClassVar[Mapping[float, type[KnightRidersCircuit] | type[KnightRidersPark]]] = {
         ROUNDTRIP: KnightRidersCircuit,
         OBSTACLES: KnightRidersObstacles,
         PARK: KnightRidersPark,
-        APPROACH: WallApproach,
     }
-    reads = _together(PARTS, "reads")
-    uses = _together(PARTS, "uses")
+    reads = _together((*PARTS.values(), WallApproach), "reads")
+    uses = _together((*PARTS.values(), WallApproach), "uses")
     needs = (PARKS,)
 
     #: The row is approached once speed, m/s, and yaw rate, rad/s, are below these: in an arc it is twice as much.
@@ -58,12 +57,12 @@ class KnightRidersModes(DrivingPolicy):
 
     def __init__(self, scenario: CourseDrive) -> None:
         super().__init__(scenario)
-        self._parts = {mode: part(scenario) for mode, part in self.PARTS.items()}
+        self._approach = WallApproach(scenario)
+        self._parts = {**{mode: part(scenario) for mode, part in self.PARTS.items()}, APPROACH: self._approach}
         ends = 1 + np.cumsum([part.memory for part in self._parts.values()])
         self._places = {
             mode: slice(end - part.memory, end) for end, (mode, part) in zip(ends, self._parts.items(), strict=True)
         }
-        self._approach = WallApproach(scenario)
         self.memory = int(ends[-1])
 
     def command(
@@ -91,7 +90,7 @@ class KnightRidersModes(DrivingPolicy):
         wanted, last = np.clip(np.rint(at["mode"]), ROUNDTRIP, PARK), memory[:, 0]
         hasty = (np.abs(at["speed"]) > self.SLOW) | (np.abs(at["yaw_rate"]) > self.STRAIGHT)
         drives = ~new & (wanted == PARK) & (last < PARK)
-        arrived = self._approach.arrived(memory[:, self._places[APPROACH]])
+        arrived = self._approach.arrived(at, memory[:, self._places[APPROACH]])
         approaches = (drives & ~hasty) | (~new & (wanted == PARK) & (last == APPROACH) & ~arrived)
         mode = np.where(approaches, APPROACH, np.where(drives & hasty, last, wanted))
         return mode, drives & hasty

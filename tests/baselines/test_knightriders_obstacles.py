@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,6 +17,7 @@ from lanekeep_baselines.knightriders_obstacles_published import KnightRidersObst
 from lanekeep_env.scenario import CircuitScenario, ObstacleCircuitScenario, ParallelParkScenario
 
 PUBLISHED, MODES = "knightriders-obstacles-published", "knightriders-modes"
+ALL_MODES = ObstacleCircuitScenario(modes=((0.0, "roundtrip"), (1.0, "obstacles"), (2.0, "park")))
 ID = "lanekeep/ObstacleCircuit-v0"
 #: Radius of the smallest turn at 22 degrees, m.
 RADIUS = 0.35 / np.tan(np.deg2rad(22.0))
@@ -164,7 +166,7 @@ def test_without_obstacles_it_is_faster_and_looks_for_none() -> None:
 
 
 def test_circuits_among_boxes_are_driven() -> None:
-    """What it can do: most circuits, and not all of them (a box of 0.265 m beside 0.2 m has 6.8 cm)."""
+    """The phases together take it round most circuits."""
     world = {"kind": "random-obstacle-circuits", "seed": 2017, "count": 16}
     run = drive(PUBLISHED, 2700, cars=16, start={"world_index": np.arange(16)}, world=world)
     success = (run.done & ~run.contact).any(axis=0)
@@ -173,8 +175,11 @@ def test_circuits_among_boxes_are_driven() -> None:
 
 @pytest.fixture(scope="module")
 def tasks() -> dict[bool, SimpleNamespace]:
-    """All three modes in one episode, in one world, both directions."""
+    """All three modes in one episode, in one world, both directions; noise, biases, the Kinect's faults."""
     settings: dict[str, Any] = {
+        "sensors": "production",
+        "encoder_ticks": 40,
+        "scan": "kinect-columns",
         "world": {**ROW, "boxes": [(-6.8, 0.0, 0.1, 0.3, 0.3)]},
         "modes": [(0.0, "roundtrip"), (4.0, "obstacles"), (6.6, "park")],
         "cars": 4,
@@ -197,12 +202,13 @@ def test_modes_change_in_one_episode_that_ends_parked(tasks: dict[bool, SimpleNa
         np.testing.assert_array_equal(order, [ROUNDTRIP, OBSTACLES, APPROACH, PARK])
         slow = driven == APPROACH
         speed = [channel.name for channel in ObstacleCircuitScenario().channels].index("speed")
-        assert run.seen[: len(slow)][slow, car, speed].max() <= KnightRidersModes.SLOW + 1e-3
+        assert run.seen[: len(slow)][slow, car, speed].max() < KnightRidersModes.SLOW + 0.15  # a tick of the encoder
 
 
 def test_each_mode_is_its_policy_to_the_last_bit() -> None:
     for scenario, mode, name in (
-        (ObstacleCircuitScenario(), ROUNDTRIP, "knightriders-circuit"),
+        (ALL_MODES, ROUNDTRIP, "knightriders-circuit"),
+        (ALL_MODES, OBSTACLES, "knightriders-obstacles"),
         (ParallelParkScenario(), PARK, "knightriders-park"),
     ):
         policy, other = (lanekeep_baselines.make(one, scenario) for one in (MODES, name))
@@ -217,7 +223,7 @@ def test_each_mode_is_its_policy_to_the_last_bit() -> None:
 
 
 def test_a_mode_that_begins_starts_its_policy_afresh() -> None:
-    scenario = ObstacleCircuitScenario()
+    scenario = ALL_MODES
     policy = lanekeep_baselines.make(MODES, scenario)
     low, high = scenario.channel_bounds().T
     seen = (low + np.random.default_rng(5).random((30, 5, len(low))) * (high - low)).astype(np.float32)
@@ -241,7 +247,7 @@ def test_rows_do_not_know_of_each_other_and_nothing_is_remembered_but_in_the_sta
     """Rows at different times, so in different modes and phases, together and alone."""
     steps = min(len(run.seen) for run in tasks.values())
     seen = np.concatenate([run.seen[k : steps - 100 + k : 3] for run in tasks.values() for k in (0, 37, 90)], axis=1)
-    policy = lanekeep_baselines.make(name, ObstacleCircuitScenario())
+    policy = lanekeep_baselines.make(name, ALL_MODES)
     together = alone = part = None
     for rows in seen:
         before = None if together is None else together.copy()
@@ -263,8 +269,9 @@ def test_rows_do_not_know_of_each_other_and_nothing_is_remembered_but_in_the_sta
 
 
 def test_they_say_what_they_need() -> None:
+    assert MODES not in lanekeep_baselines.names(ObstacleCircuitScenario())  # which never parks
     for name in (PUBLISHED, MODES):
-        assert name in lanekeep_baselines.names(ObstacleCircuitScenario())
+        assert name in lanekeep_baselines.names(ALL_MODES)
         assert name not in lanekeep_baselines.names(CircuitScenario())
         with pytest.raises(ValueError, match=r"needs the channel 'scan_0'"):
-            lanekeep_baselines.make(name, ObstacleCircuitScenario(scan="none"))
+            lanekeep_baselines.make(name, replace(ALL_MODES, scan="none"))
