@@ -9,10 +9,19 @@ farthest and near to what is wanted, backwards a little where none is.
 
 from __future__ import annotations
 
+from typing import Any
+
+from lanekeep_baselines.declared import Need
 from lanekeep_baselines.knightriders_circuit import KnightRidersCircuit
+
+
+def _no_course(scenario: Any) -> str:
+    """Return what is lacking where a scenario has no modes, else ""."""
+    return "" if hasattr(scenario, "modes") else "a course with modes; without boxes knightriders-circuit drives"
 
 
 class KnightRidersObstacles(KnightRidersCircuit):
     """`knightriders-obstacles`: along the walls, round the corners and past the boxes of a circuit."""
 
     name = "knightriders-obstacles"
+    needs = (Need("a course", _no_course),)

@@ -40,6 +40,8 @@ PREFERRED = (
     "werling-reverse-ahead",
     "yin-lqr-feedforward",
     "traechtler-inverse",
+    "knightriders-park",
+    "knightriders-obstacles",
     "knightriders-circuit",
     "knightriders-cascade-kalman",
 )

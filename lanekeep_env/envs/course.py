@@ -99,7 +99,8 @@ class ParallelParkEnv(CourseEnv):
     ## Episode End
 
     Terminates when the car has stood for 2 s (`parking_time`, below 0.01 m/s) inside a gap, at most 0.15 m from the
-    kerb (`kerb_distance`) and within 5 degrees of it (`parking_angle`), or with a contact. Truncated after
+    kerb (`kerb_distance`) and within 5 degrees of it (`parking_angle`): `info["lap_time"]` is then the time that took,
+    s. Or with a contact. Truncated after
     `episode_steps` (1400) of 0.045 s.
 
     ## Arguments

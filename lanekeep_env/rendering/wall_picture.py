@@ -17,6 +17,8 @@ WIDTH, HEIGHT = 800, 460
 SCALE = 2
 VIEW_HEIGHT = 300
 TRACE_SECONDS = 15.0
+# Beams that are drawn; of the others their ends are.
+_MOST_BEAMS = 71
 
 _FLOOR, _WALL, _GLASS, _LINE = (232, 233, 235), (60, 64, 70), (120, 190, 220), (205, 208, 212)
 _CAR, _NOSE, _WHEEL, _PATH, _BEAM = (0, 114, 178), (200, 224, 240), (35, 38, 42), (213, 94, 0), (236, 196, 150)
@@ -140,9 +142,11 @@ class WallPicture:
         angles = pose.heading - scan.field_of_view / 2 + scan.step * np.arange(scan.beams)
         ends = nose + pose.scan[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
         (foot,) = screen(nose)
-        for end, reading in zip(screen(ends), pose.scan.tolist(), strict=True):
+        every = math.ceil(scan.beams / _MOST_BEAMS)
+        for k, (end, reading) in enumerate(zip(screen(ends), pose.scan.tolist(), strict=True)):
             if reading > 0.0:
-                self._pg.draw.line(self._sheet, _BEAM, foot, end, 1)
+                if k % every == 0:
+                    self._pg.draw.line(self._sheet, _BEAM, foot, end, 1)
                 self._pg.draw.circle(self._sheet, _PATH, end, 2 * SCALE)
 
     def _car(self, pose: WallPose, screen: Any) -> None:

@@ -107,6 +107,8 @@ def _judge(k, cars, counters, world, settings, equipment, outcome):
             )
             told[at.O_REWARD, i] = reward
             told[at.O_TERMINATED, i] = ended
+            if ended == like(zero, FINISHED):
+                block[at.LAP_TIME, i] = block[at.STEP, i] * seconds
         if follows and told[at.O_TERMINATED, i] == like(zero, FINISHED):
             told[at.O_TERMINATED, i] = zero
 
