@@ -13,8 +13,8 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.knightriders_circuit import CircuitDrive, KnightRidersCircuit
-from lanekeep_baselines.knightriders_obstacles import KnightRidersObstacles
+from lanekeep_baselines.knightriders_circuit import KnightRidersCircuit
+from lanekeep_baselines.knightriders_obstacles import KnightRidersObstacles, ObstacleDrive
 from lanekeep_baselines.knightriders_park import PARKS, KnightRidersPark, ParkingDrive
 from lanekeep_baselines.policy import DrivingPolicy, Floats
 from lanekeep_baselines.wall_approach import WallApproach
@@ -30,7 +30,7 @@ def _together(parts: Iterable[_Part], declared: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(channel for part in parts for channel in getattr(part, declared)))
 
 
-class CourseDrive(CircuitDrive, ParkingDrive, Protocol):
+class CourseDrive(ObstacleDrive, ParkingDrive, Protocol):
     """What the machine may know: what its policies may."""
 
 
@@ -50,7 +50,7 @@ class KnightRidersModes(DrivingPolicy):
     }
     reads = _together((*PARTS.values(), WallApproach), "reads")
     uses = _together((*PARTS.values(), WallApproach), "uses")
-    needs = (PARKS,)
+    needs = (*KnightRidersObstacles.needs, PARKS)
 
     #: The row is approached once speed, m/s, and yaw rate, rad/s, are below these: in an arc it is twice as much.
     SLOW, STRAIGHT = 0.4, 0.2

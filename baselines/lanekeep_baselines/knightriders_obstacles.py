@@ -9,15 +9,22 @@ farthest and near to what is wanted, backwards a little where none is.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Protocol
 
 from lanekeep_baselines.declared import Need
-from lanekeep_baselines.knightriders_circuit import KnightRidersCircuit
+from lanekeep_baselines.knightriders_circuit import CircuitDrive, KnightRidersCircuit
 
 
-def _no_course(scenario: Any) -> str:
+class ObstacleDrive(CircuitDrive, Protocol):
+    """What the controller may know; `lanekeep_env.ObstacleCircuitScenario` is one."""
+
+    @property
+    def modes(self) -> tuple[tuple[float, str], ...]: ...
+
+
+def _no_course(scenario: ObstacleDrive) -> str:
     """Return what is lacking where a scenario has no modes, else ""."""
-    return "" if hasattr(scenario, "modes") else "a course with modes; without boxes knightriders-circuit drives"
+    return "" if scenario.modes else "a course with modes; without boxes knightriders-circuit drives"
 
 
 class KnightRidersObstacles(KnightRidersCircuit):
@@ -25,3 +32,6 @@ class KnightRidersObstacles(KnightRidersCircuit):
 
     name = "knightriders-obstacles"
     needs = (Need("a course", _no_course),)
+
+    def __init__(self, scenario: ObstacleDrive) -> None:
+        super().__init__(scenario)
