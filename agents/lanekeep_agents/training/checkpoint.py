@@ -54,7 +54,7 @@ def write_checkpoint(
     arrays = _collect(model, env, best, numbers)
     arrays["numbers"] = np.array(json.dumps(numbers))
     content = io.BytesIO()
-    np.savez(content, allow_pickle=False, **arrays)
+    np.savez(content, **arrays)
     write_atomic(path, content.getvalue())
 
 
