@@ -44,6 +44,8 @@ class LocalMap:
 
     def __init__(self, reader: ScanReader, nose: float, side_sensor: float) -> None:
         self._reader, self._nose, self._side = reader, nose, side_sensor
+        # Nearer than the camera sees at all an echo is no sign of glass.
+        self._blind = reader.nearest
         self._rim = int(np.count_nonzero(reader.angles <= reader.angles[0] + self.RIM))
         self._per_place = self.SECTORS + self.ECHOES
         self._points = self.KEPT * self._per_place
@@ -139,7 +141,8 @@ class LocalMap:
         shown |= kept.min(axis=(0, 1)) <= echo + self.SHOWN
         sides = [np.where(at[f"distance_{side}"] > 0.0, at[f"distance_{side}"], np.inf) for side in ("right", "left")]
         wall = np.minimum(*sides) / np.sin(HALF_CONE)
-        return np.where((echo > 0.0) & ~shown & (echo < self.SIDE_SHARE * wall), echo, np.inf)
+        glass = (echo > self._blind) & ~shown & (echo < self.SIDE_SHARE * wall)
+        return np.where(glass, echo, np.inf)
 
     def _taken_back(self, at: Mapping[str, Floats], x: Floats, y: Floats) -> NDArray[np.bool_]:
         """Return which points an echo shows to be none."""
