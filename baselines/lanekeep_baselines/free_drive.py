@@ -47,6 +47,7 @@ class Pilot(NamedTuple):
         back: way still to go backwards, m.
         curvature: last asked for, 1/m.
         sides: last sum of the side distances, m.
+        heading: of the car from the leg it is on, rad; where the way is lost, by odometry.
     """
 
     doubt: Floats
@@ -56,6 +57,7 @@ class Pilot(NamedTuple):
     back: Floats
     curvature: Floats
     sides: Floats
+    heading: Floats
 
 
 class FreeDrive:
@@ -78,15 +80,17 @@ class FreeDrive:
     APART, NEARBY = 0.15, 0.5
     #: What it gains with the view along it, m per m, up to so far, m; the place of a path that is looked at, m.
     VIEW, FARTHEST_VIEW, AT = 0.25, 6.0, 1.4
+    #: From this angle to the leg on, at that place, a path leads back, rad, and what it loses beyond, m per rad.
+    BACKWARDS, LOSES = 1.75, 3.0
 
     def __init__(self, space: FreeSpace, step: float, acceleration: float, fastest: float) -> None:
         self._space, self._step, self._acceleration, self._fastest = space, step, acceleration, fastest
         paths = space.paths
         self._ahead = paths.sign > 0.0
         self._gentle = self._ahead & (np.abs(paths.first) <= self.GENTLE * np.abs(paths.first).max())
-        x, y, _ = poses(paths)
+        x, y, heading = poses(paths)
         place = round(self.AT / STRIDE)
-        self._bearing = np.arctan2(y[place], x[place] + 1e-9)
+        self._bearing, self._turned = np.arctan2(y[place], x[place] + 1e-9), heading[place]
 
     @property
     def bearing(self) -> Floats:
@@ -124,6 +128,7 @@ class FreeDrive:
         motion: Motion,
         wanted: Floats,
         side: Floats,
+        heading: Floats,
         view: Floats,
         back: Floats,
         lost: NDArray[np.bool_],
@@ -135,6 +140,7 @@ class FreeDrive:
             motion: of the car.
             wanted: curvature that is preferred among equals, 1/m, (n,).
             side: 1 where the way is known to turn left, -1 right, else 0, (n,).
+            heading: of the car from the leg's direction, rad, (n,); counts where the side is known.
             view: how far the way along each path is seen, m, (n, paths), as of `bearing`.
             back: way that is still to go backwards, m, (n,).
             lost: whether the way is looked for; else a command is replaced, (n,).
@@ -144,6 +150,8 @@ class FreeDrive:
         hard = np.where(close[:, None], least, hard)
         can = self._possible(motion)
         apart = np.where(lost, self.APART, self.NEARBY)[:, None] * np.abs(paths.first - wanted[:, None])
+        ends = np.where(side[:, None] != 0.0, np.abs(heading[:, None] + self._turned), 0.0)
+        apart += self.LOSES * np.maximum(ends - self.BACKWARDS, 0.0)
         value = (
             soft
             + 0.3 * hard
@@ -158,8 +166,8 @@ class FreeDrive:
         free = hard[rows, best]
         freer = self._freer_side(soft)
         stuck = (free < self.STUCK) & (np.abs(motion.speed) < 0.1)
-        gap = np.where(can & ~self._ahead, hard - 0.3 * np.abs(paths.first + freer[:, None]), -np.inf)
-        behind = gap.argmax(axis=1)
+        gap = hard - 0.3 * np.abs(paths.first + freer[:, None]) - self.LOSES * np.maximum(ends - self.BACKWARDS, 0.0)
+        behind = np.where(can & ~self._ahead, gap, -np.inf).argmax(axis=1)
         room = hard[rows, behind]
         back = np.where(stuck & (back <= 0.0), self.BACK, back)
         back = np.where(room < 0.1, 0.0, back)

@@ -100,6 +100,8 @@ class KnightRidersCircuit(DrivingPolicy):
     WHEEL: ClassVar[float] = 0.005
     #: Votes that settle the direction, and the most that are kept.
     SETTLED, MOST = 3.0, 12.0
+    #: Heading from the leg's direction with which no wall is taken up: the car goes round the wrong way, rad.
+    AWRY: ClassVar[float] = 2.0
     #: Commands replaced after which the way is looked for.
     DOUBT: ClassVar[float] = 4.0
     #: Angle of the largest one that paths in free space leave, rad.
@@ -157,7 +159,8 @@ class KnightRidersCircuit(DrivingPolicy):
         lost = pilot.lost > 0.5
         known = self._locate(at, filtered, fresh, leg, way, lost)
         leg = leg._replace(corner=leg.corner - way * np.cos(known[:, 1]))
-        known, leg, pilot = self._take_up(at, known, leg, pilot)
+        heading = self._heading(np.where(lost, pilot.heading + turned, known[:, 1]), self._side(leg))
+        known, leg, pilot = self._take_up(at, known, leg, pilot._replace(heading=heading))
         known, leg = self._change_over(known, leg)
         leg = self._look(at, ranges, glass, known, leg)
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
@@ -198,6 +201,7 @@ class KnightRidersCircuit(DrivingPolicy):
                 Motion(*(values[rows] for values in motion)),
                 wanted[rows],
                 side[rows],
+                pilot.heading[rows],
                 self._reader.view(ranges[:, rows], self._free.bearing),
                 np.where(lost, pilot.back, 0.0)[rows],
                 lost[rows],
@@ -224,6 +228,7 @@ class KnightRidersCircuit(DrivingPolicy):
         along &= (np.abs(at["yaw_rate"] - known[:, 3]) < 0.2) & (at["speed"] > 0.2)
         calm = np.where(along, pilot.calm + 1.0, 0.0)
         over = (pilot.lost > 0.5) & (calm >= 6.0 * np.maximum(pilot.losses, 1.0))
+        over &= (np.abs(pilot.heading) < self.AWRY) | (self._side(leg) == 0.0)
         states, covariance = known[:, :4].copy(), known[:, 4:].reshape(-1, 4, 4).copy()
         states[:, 0], states[:, 1] = right, 0.0
         covariance[:, :2, :] = covariance[:, :, :2] = 0.0
@@ -236,6 +241,10 @@ class KnightRidersCircuit(DrivingPolicy):
             phase=np.where(over, _WALL, leg.phase),
         )
         return known, leg, pilot._replace(lost=np.where(over, 0.0, pilot.lost), calm=calm, sides=sides)
+
+    def _heading(self, heading: Floats, side: Floats) -> Floats:
+        """Return a heading from the leg's direction, rad, from that of the next leg where most of a corner is turned."""
+        return heading - np.where(side * heading > 2.0 / 3.0 * _RIGHT_ANGLE, side * _RIGHT_ANGLE, 0.0)
 
     def _locate(
         self,

@@ -99,6 +99,9 @@ class LocalMap:
             echo = at[f"distance_{side}"]
             goes_on = (echo > 0.0) & ~rim.any(axis=0)
             further = np.array(self.GOES_ON)[:, None]
+            # What is heard may as well be a corner that comes into the cone ahead.
+            along.append(np.where(echo > 0.0, self._side + echo * np.sin(HALF_CONE), NOWHERE)[None])
+            across.append(sign * echo[None] * np.cos(HALF_CONE))
             along.append(np.where(goes_on, self._side + further, NOWHERE))
             across.append(np.where(goes_on, sign * echo + 0.0 * further, NOWHERE))
         return np.concatenate(along), np.concatenate(across)

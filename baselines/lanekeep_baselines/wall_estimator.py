@@ -108,7 +108,7 @@ class WallFilter:
         return np.where(np.reshape(fresh, (-1, 1)), self._start(side_distance), now)
 
     def correct_offset(self, memory: Floats, offset: Floats, noise: float) -> Floats:
-        """Return a memory (n, 20) corrected by a measured steering offset, rad, (n,), of standard deviation ``noise``."""
+        """Return a memory (n, 20) corrected by a measured steering offset, rad, (n,), of that standard deviation."""
         states, covariance = memory.T[:4], memory.T[4:].reshape(4, 4, -1)
         gain = covariance[:, 2] / (covariance[2, 2] + noise**2)
         states = states + gain * (offset - states[2])
