@@ -71,6 +71,8 @@ class FreeDrive:
     BRAKE, COUNTED = 1.5, 0.85
     #: Way left at standstill, m; below the second nothing leads on, and the way backwards then, m.
     RESERVE, STUCK, BACK = 0.12, 0.25, 0.5
+    #: What is heard, but not seen, nearer than this is all but touched, m.
+    TOUCHING: ClassVar[float] = 0.08
     #: Way beyond that of stopping which the guard asks for, m: usually, and after it has intervened.
     AHEAD, AFTER = 0.2, 0.5
     #: Speed backwards and at least, m/s.
@@ -129,6 +131,7 @@ class FreeDrive:
         wanted: Floats,
         side: Floats,
         heading: Floats,
+        heard: Floats,
         view: Floats,
         back: Floats,
         lost: NDArray[np.bool_],
@@ -141,6 +144,7 @@ class FreeDrive:
             wanted: curvature that is preferred among equals, 1/m, (n,).
             side: 1 where the way is known to turn left, -1 right, else 0, (n,).
             heading: of the car from the leg's direction, rad, (n,); counts where the side is known.
+            heard: way of the nose to what may be ahead unseen, m, inf for nothing, (n,).
             view: how far the way along each path is seen, m, (n, paths), as of `bearing`.
             back: way that is still to go backwards, m, (n,).
             lost: whether the way is looked for; else a command is replaced, (n,).
@@ -163,7 +167,8 @@ class FreeDrive:
         needed = (self._stopping(motion.speed) + np.maximum(motion.speed, 0.0) * self._step)[:, None]
         value = np.where(strict >= needed, 20.0 + value, np.where(hard >= needed, 10.0 + value, hard - apart))
         best = np.where(can & self._ahead, value, -np.inf).argmax(axis=1)
-        free = hard[rows, best]
+        # Before what it does not see the car can always stop.
+        free = np.minimum(hard[rows, best], heard + self.STUCK - self.TOUCHING)
         freer = self._freer_side(soft)
         stuck = (free < self.STUCK) & (np.abs(motion.speed) < 0.1)
         gap = hard - 0.3 * np.abs(paths.first + freer[:, None]) - self.LOSES * np.maximum(ends - self.BACKWARDS, 0.0)
@@ -174,6 +179,7 @@ class FreeDrive:
         reverse = back > 0.0
         several = np.sort(np.where(can & self._ahead, strict, 0.0), axis=1)[:, -self.SEVERAL]
         sure = np.maximum(np.minimum(strict[rows, best], several), np.minimum(free, 0.2))
+        sure = np.minimum(sure, heard + self.RESERVE - self.TOUCHING)
         fast = np.sqrt(2.0 * self.BRAKE * np.maximum(sure - self.RESERVE, 0.0))
         fast = np.where(free > self.STUCK, np.maximum(fast, self.LEAST), 0.0)
         speed = np.where(

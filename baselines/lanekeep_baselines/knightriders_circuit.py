@@ -165,7 +165,14 @@ class KnightRidersCircuit(DrivingPolicy):
         leg = self._look(at, ranges, glass, known, leg)
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
         command, pilot, keep = self._pilot(
-            at, self._map.points(at, filled, map_), filled, command, known, self._side(leg), pilot
+            at,
+            self._map.points(at, filled, map_),
+            filled,
+            command,
+            known,
+            self._side(leg),
+            self._map.unseen(at, ranges),
+            pilot,
         )
         leg = leg._replace(phase=np.where(keep, phase, leg.phase))
         steered = np.where(keep[:, None], steered, command[:, :1])
@@ -180,6 +187,7 @@ class KnightRidersCircuit(DrivingPolicy):
         command: Floats,
         known: Floats,
         side: Floats,
+        heard: Floats,
         pilot: Pilot,
     ) -> tuple[Floats, Pilot, NDArray[np.bool_]]:
         """Return the command, from free space where the given one is not harmless or the way is lost."""
@@ -202,6 +210,7 @@ class KnightRidersCircuit(DrivingPolicy):
                 wanted[rows],
                 side[rows],
                 pilot.heading[rows],
+                heard[rows],
                 self._reader.view(ranges[:, rows], self._free.bearing),
                 np.where(lost, pilot.back, 0.0)[rows],
                 lost[rows],
@@ -243,7 +252,7 @@ class KnightRidersCircuit(DrivingPolicy):
         return known, leg, pilot._replace(lost=np.where(over, 0.0, pilot.lost), calm=calm, sides=sides)
 
     def _heading(self, heading: Floats, side: Floats) -> Floats:
-        """Return a heading from the leg's direction, rad, from that of the next leg where most of a corner is turned."""
+        """Return a heading from the leg's direction, rad: from the next leg's where most of a corner is turned."""
         return heading - np.where(side * heading > 2.0 / 3.0 * _RIGHT_ANGLE, side * _RIGHT_ANGLE, 0.0)
 
     def _locate(
