@@ -126,8 +126,8 @@ class KnightRidersCircuit(DrivingPolicy):
         tightest = float(np.tan(self._limit - self.SPARE) / car.wheelbase)
         space = FreeSpace(body, tightest)
         self._free = FreeDrive(space, scenario.control_step, scenario.max_acceleration, scenario.max_speed)
-        sizes = (self._filter.memory, self._control.memory, len(Leg._fields), len(Pilot._fields), self._map.memory)
-        sizes += (self._odometer.memory,)
+        own = len(Leg._fields), len(Pilot._fields)
+        sizes = (self._filter.memory, self._control.memory, *own, self._map.memory, self._odometer.memory)
         self._split = tuple(np.cumsum(sizes[:-1]))
         self.memory = sum(sizes)
 
