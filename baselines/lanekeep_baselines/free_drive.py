@@ -47,6 +47,7 @@ class Pilot(NamedTuple):
         back: way still to go backwards, m.
         curvature: last asked for, 1/m.
         sides: last sum of the side distances, m.
+        heading: of the car from the leg it is on, rad; where the way is lost, by odometry.
     """
 
     doubt: Floats
@@ -56,6 +57,7 @@ class Pilot(NamedTuple):
     back: Floats
     curvature: Floats
     sides: Floats
+    heading: Floats
 
 
 class FreeDrive:
@@ -63,10 +65,14 @@ class FreeDrive:
 
     #: So many paths must be free for the guard: a single one is gone with the next error of a centimetre.
     SEVERAL: ClassVar[int] = 4
+    #: They begin with at most this share of the largest curvature: the rest is for what the guard does not know.
+    GENTLE: ClassVar[float] = 0.9
     #: Deceleration that speeds are planned with, and share of the largest one that the guard counts on, m/s².
     BRAKE, COUNTED = 1.5, 0.85
     #: Way left at standstill, m; below the second nothing leads on, and the way backwards then, m.
     RESERVE, STUCK, BACK = 0.12, 0.25, 0.5
+    #: What is heard, but not seen, nearer than this is all but touched, m.
+    TOUCHING: ClassVar[float] = 0.08
     #: Way beyond that of stopping which the guard asks for, m: usually, and after it has intervened.
     AHEAD, AFTER = 0.2, 0.5
     #: Speed backwards and at least, m/s.
@@ -76,14 +82,17 @@ class FreeDrive:
     APART, NEARBY = 0.15, 0.5
     #: What it gains with the view along it, m per m, up to so far, m; the place of a path that is looked at, m.
     VIEW, FARTHEST_VIEW, AT = 0.25, 6.0, 1.4
+    #: From this angle to the leg on, at that place, a path leads back, rad, and what it loses beyond, m per rad.
+    BACKWARDS, LOSES = 1.75, 3.0
 
     def __init__(self, space: FreeSpace, step: float, acceleration: float, fastest: float) -> None:
         self._space, self._step, self._acceleration, self._fastest = space, step, acceleration, fastest
         paths = space.paths
         self._ahead = paths.sign > 0.0
-        x, y, _ = poses(paths)
+        self._gentle = self._ahead & (np.abs(paths.first) <= self.GENTLE * np.abs(paths.first).max())
+        x, y, heading = poses(paths)
         place = round(self.AT / STRIDE)
-        self._bearing = np.arctan2(y[place], x[place] + 1e-9)
+        self._bearing, self._turned = np.arctan2(y[place], x[place] + 1e-9), heading[place]
 
     @property
     def bearing(self) -> Floats:
@@ -106,7 +115,7 @@ class FreeDrive:
         """Return whether the car can still stop after a step with this curvature, 1/m, and set speed, m/s, (n,)."""
         x, y, speed = self.after(x, y, motion, curvature, target)
         strict = self._space.free(x, y)[0]
-        can = self._possible(motion) & self._ahead
+        can = self._possible(motion) & self._gentle
         free = np.sort(np.where(can, strict, 0.0), axis=1)[:, -self.SEVERAL]
         return free >= self._stopping(speed) + np.where(doubt, self.AFTER, self.AHEAD)
 
@@ -121,6 +130,8 @@ class FreeDrive:
         motion: Motion,
         wanted: Floats,
         side: Floats,
+        heading: Floats,
+        heard: Floats,
         view: Floats,
         back: Floats,
         lost: NDArray[np.bool_],
@@ -132,6 +143,8 @@ class FreeDrive:
             motion: of the car.
             wanted: curvature that is preferred among equals, 1/m, (n,).
             side: 1 where the way is known to turn left, -1 right, else 0, (n,).
+            heading: of the car from the leg's direction, rad, (n,); counts where the side is known.
+            heard: way of the nose to what may be ahead unseen, m, inf for nothing, (n,).
             view: how far the way along each path is seen, m, (n, paths), as of `bearing`.
             back: way that is still to go backwards, m, (n,).
             lost: whether the way is looked for; else a command is replaced, (n,).
@@ -141,6 +154,8 @@ class FreeDrive:
         hard = np.where(close[:, None], least, hard)
         can = self._possible(motion)
         apart = np.where(lost, self.APART, self.NEARBY)[:, None] * np.abs(paths.first - wanted[:, None])
+        ends = np.where(side[:, None] != 0.0, np.abs(heading[:, None] + self._turned), 0.0)
+        apart += self.LOSES * np.maximum(ends - self.BACKWARDS, 0.0)
         value = (
             soft
             + 0.3 * hard
@@ -152,17 +167,19 @@ class FreeDrive:
         needed = (self._stopping(motion.speed) + np.maximum(motion.speed, 0.0) * self._step)[:, None]
         value = np.where(strict >= needed, 20.0 + value, np.where(hard >= needed, 10.0 + value, hard - apart))
         best = np.where(can & self._ahead, value, -np.inf).argmax(axis=1)
-        free = hard[rows, best]
+        # Before what it does not see the car can always stop.
+        free = np.minimum(hard[rows, best], heard + self.STUCK - self.TOUCHING)
         freer = self._freer_side(soft)
         stuck = (free < self.STUCK) & (np.abs(motion.speed) < 0.1)
-        gap = np.where(can & ~self._ahead, hard - 0.3 * np.abs(paths.first + freer[:, None]), -np.inf)
-        behind = gap.argmax(axis=1)
+        gap = hard - 0.3 * np.abs(paths.first + freer[:, None]) - self.LOSES * np.maximum(ends - self.BACKWARDS, 0.0)
+        behind = np.where(can & ~self._ahead, gap, -np.inf).argmax(axis=1)
         room = hard[rows, behind]
         back = np.where(stuck & (back <= 0.0), self.BACK, back)
         back = np.where(room < 0.1, 0.0, back)
         reverse = back > 0.0
         several = np.sort(np.where(can & self._ahead, strict, 0.0), axis=1)[:, -self.SEVERAL]
         sure = np.maximum(np.minimum(strict[rows, best], several), np.minimum(free, 0.2))
+        sure = np.minimum(sure, heard + self.RESERVE - self.TOUCHING)
         fast = np.sqrt(2.0 * self.BRAKE * np.maximum(sure - self.RESERVE, 0.0))
         fast = np.where(free > self.STUCK, np.maximum(fast, self.LEAST), 0.0)
         speed = np.where(

@@ -34,14 +34,15 @@ from numpy.typing import NDArray
 from lanekeep_baselines.free_drive import FreeDrive, Motion, Pilot
 from lanekeep_baselines.free_space import Body, FreeSpace
 from lanekeep_baselines.local_map import LocalMap
-from lanekeep_baselines.policy import DrivingPolicy, DrivingScenario, Floats
+from lanekeep_baselines.odometry import Odometer, OdometryScenario
+from lanekeep_baselines.policy import DrivingPolicy, Floats
 from lanekeep_baselines.scan_features import ScanReader, WallEnd
 from lanekeep_baselines.wall_cascade import LARGEST_HEADING
 from lanekeep_baselines.wall_control import Cascade, Measured
 from lanekeep_baselines.wall_design import WallCar
 from lanekeep_baselines.wall_estimator import WallFilter, WallNoise
 from lanekeep_env.scenario import Scan
-from lanekeep_env.sensing.faults import Sensor, Sensors
+from lanekeep_env.sensing.faults import Sensor
 from lanekeep_env.sensing.ultrasonic import HALF_CONE
 
 _RIGHT_ANGLE = 0.5 * np.pi
@@ -51,29 +52,23 @@ _UNKNOWN = 1e3
 _WALL, _ENTERS, _LEAVES = 0.0, 1.0, 2.0
 
 
-class CircuitDrive(DrivingScenario, Protocol):
+class CircuitDrive(OdometryScenario, Protocol):
     """What the controller may know; `lanekeep_env.CircuitScenario` is one."""
 
     @property
     def scan(self) -> Scan: ...
-    @property
-    def sensors(self) -> Sensors: ...
-    @property
-    def max_acceleration(self) -> float: ...
 
 
 class Leg(NamedTuple):
     """What is remembered besides filter and cascade, (n,) each.
 
     Attributes:
-        speed: last measured, m/s.
         corner: way of the rear axle to the inner corner ahead, m.
         corridor: width, m.
         votes: for corners to the left, minus those to the right.
         phase: `_WALL`, `_ENTERS` or `_LEAVES`.
     """
 
-    speed: Floats
     corner: Floats
     corridor: Floats
     votes: Floats
@@ -84,8 +79,8 @@ class KnightRidersCircuit(DrivingPolicy):
     """`knightriders-circuit`: along the walls and round the corners of a rectangular circuit."""
 
     name = "knightriders-circuit"
-    reads = ("distance_right", "distance_left", "yaw_rate", "speed", "steering_command", "scan_0")
-    uses = ("distance_front", "scan_*")
+    reads = ("distance_right", "distance_left", "yaw_rate", "steering_command", *Odometer.reads, "scan_0")
+    uses = ("distance_front", "steering_angle", "scan_*")
 
     #: Radius of the corners, m: 19.3 degrees of steering at the source's car, which leaves 1.7 beyond an offset of 1.
     RADIUS: ClassVar[float] = 1.0
@@ -101,8 +96,12 @@ class KnightRidersCircuit(DrivingPolicy):
     AGREE: ClassVar[float] = 0.5
     #: Standard deviation of the heading at the start, rad, and that above which no direction is seen.
     START, SURE = 0.1, 0.08
+    #: Standard deviation of the potentiometer at the road wheel at least, rad.
+    WHEEL: ClassVar[float] = 0.005
     #: Votes that settle the direction, and the most that are kept.
     SETTLED, MOST = 3.0, 12.0
+    #: Heading from the leg's direction with which no wall is taken up: the car goes round the wrong way, rad.
+    AWRY: ClassVar[float] = 2.0
     #: Commands replaced after which the way is looked for.
     DOUBT: ClassVar[float] = 4.0
     #: Angle of the largest one that paths in free space leave, rad.
@@ -116,7 +115,10 @@ class KnightRidersCircuit(DrivingPolicy):
         self._car = WallCar(car.wheelbase, 0.5 * car.wheelbase, scenario.control_step)
         self._nose = 0.5 * car.wheelbase + 0.5 * car.length  # of the camera, ahead of the rear axle
         self._limit = scenario.max_steering_angle
+        self._odometer = Odometer(scenario)
         self._filter = WallFilter(self._car, self._noise(scenario))
+        wheel = dict(scenario.sensors).get("steering_angle", Sensor())
+        self._wheel = max(self.WHEEL, float(np.hypot(wheel.noise, wheel.bias)))
         self._control = Cascade(self._car, self._limit, LARGEST_HEADING)
         self._reader = ScanReader(scenario.scan)
         body = Body(self._nose, 0.5 * (car.length - car.wheelbase), 0.5 * car.width)
@@ -124,7 +126,8 @@ class KnightRidersCircuit(DrivingPolicy):
         tightest = float(np.tan(self._limit - self.SPARE) / car.wheelbase)
         space = FreeSpace(body, tightest)
         self._free = FreeDrive(space, scenario.control_step, scenario.max_acceleration, scenario.max_speed)
-        sizes = (self._filter.memory, self._control.memory, len(Leg._fields), len(Pilot._fields), self._map.memory)
+        own = len(Leg._fields), len(Pilot._fields)
+        sizes = (self._filter.memory, self._control.memory, *own, self._map.memory, self._odometer.memory)
         self._split = tuple(np.cumsum(sizes[:-1]))
         self.memory = sum(sizes)
 
@@ -142,29 +145,38 @@ class KnightRidersCircuit(DrivingPolicy):
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats | None]:
-        filtered, steered, leg_, pilot_, map_ = np.split(memory, self._split, axis=1)
+        filtered, steered, leg_, pilot_, map_, before = np.split(memory, self._split, axis=1)
+        speed, mean, now = self._odometer.update(at, before, fresh)
+        at, way = {**at, "speed": speed}, mean * self._car.step
         blank = np.zeros_like(at["speed"])
-        start = (blank, blank + _UNKNOWN, at["distance_right"] + at["distance_left"], blank, blank)
+        start = (blank + _UNKNOWN, at["distance_right"] + at["distance_left"], blank, blank)
         leg = Leg(*(np.where(fresh, new, old) for new, old in zip(start, leg_.T, strict=True)))
         pilot = Pilot(*np.where(fresh, 0.0, pilot_.T))
-        way = 0.5 * (leg.speed + at["speed"]) * self._car.step
         ranges = self._reader.ranges(np.stack([at[channel] for channel in self._reader.channels]))
         turned = np.where(fresh, 0.0, (at["yaw_rate"] - filtered[:, 3]) * self._car.step)
         filled = self._reader.bridged(ranges)
         map_, glass = self._map.update(at, filled, map_, fresh, way, turned)
         lost = pilot.lost > 0.5
         known = self._locate(at, filtered, fresh, leg, way, lost)
-        leg = leg._replace(speed=at["speed"], corner=leg.corner - way * np.cos(known[:, 1]))
-        known, leg, pilot = self._take_up(at, known, leg, pilot)
+        leg = leg._replace(corner=leg.corner - way * np.cos(known[:, 1]))
+        heading = self._heading(np.where(lost, pilot.heading + turned, known[:, 1]), self._side(leg))
+        known, leg, pilot = self._take_up(at, known, leg, pilot._replace(heading=heading))
         known, leg = self._change_over(known, leg)
         leg = self._look(at, ranges, glass, known, leg)
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
         command, pilot, keep = self._pilot(
-            at, self._map.points(at, filled, map_), filled, command, known, self._side(leg), pilot
+            at,
+            self._map.points(at, filled, map_),
+            filled,
+            command,
+            known,
+            self._side(leg),
+            self._map.unseen(at, ranges),
+            pilot,
         )
         leg = leg._replace(phase=np.where(keep, phase, leg.phase))
         steered = np.where(keep[:, None], steered, command[:, :1])
-        parts = [known, steered, np.stack(leg, axis=1), np.stack(pilot, axis=1), map_]
+        parts = [known, steered, np.stack(leg, axis=1), np.stack(pilot, axis=1), map_, now]
         return command, np.concatenate(parts, axis=1)
 
     def _pilot(
@@ -175,6 +187,7 @@ class KnightRidersCircuit(DrivingPolicy):
         command: Floats,
         known: Floats,
         side: Floats,
+        heard: Floats,
         pilot: Pilot,
     ) -> tuple[Floats, Pilot, NDArray[np.bool_]]:
         """Return the command, from free space where the given one is not harmless or the way is lost."""
@@ -196,6 +209,8 @@ class KnightRidersCircuit(DrivingPolicy):
                 Motion(*(values[rows] for values in motion)),
                 wanted[rows],
                 side[rows],
+                pilot.heading[rows],
+                heard[rows],
                 self._reader.view(ranges[:, rows], self._free.bearing),
                 np.where(lost, pilot.back, 0.0)[rows],
                 lost[rows],
@@ -222,6 +237,7 @@ class KnightRidersCircuit(DrivingPolicy):
         along &= (np.abs(at["yaw_rate"] - known[:, 3]) < 0.2) & (at["speed"] > 0.2)
         calm = np.where(along, pilot.calm + 1.0, 0.0)
         over = (pilot.lost > 0.5) & (calm >= 6.0 * np.maximum(pilot.losses, 1.0))
+        over &= (np.abs(pilot.heading) < self.AWRY) | (self._side(leg) == 0.0)
         states, covariance = known[:, :4].copy(), known[:, 4:].reshape(-1, 4, 4).copy()
         states[:, 0], states[:, 1] = right, 0.0
         covariance[:, :2, :] = covariance[:, :, :2] = 0.0
@@ -234,6 +250,10 @@ class KnightRidersCircuit(DrivingPolicy):
             phase=np.where(over, _WALL, leg.phase),
         )
         return known, leg, pilot._replace(lost=np.where(over, 0.0, pilot.lost), calm=calm, sides=sides)
+
+    def _heading(self, heading: Floats, side: Floats) -> Floats:
+        """Return a heading from the leg's direction, rad: from the next leg's where most of a corner is turned."""
+        return heading - np.where(side * heading > 2.0 / 3.0 * _RIGHT_ANGLE, side * _RIGHT_ANGLE, 0.0)
 
     def _locate(
         self,
@@ -255,9 +275,12 @@ class KnightRidersCircuit(DrivingPolicy):
         passed = (self._side(leg) <= 0.0) & (leg.corner - way < self._car.sensor)
         shown = (right > 0.0) & same & (leg.phase != _ENTERS) & ~passed & ~lost
         distance = np.where(shown | fresh, right, 0.0)  # 0 corrects nothing
-        return self._filter.update(
+        known = self._filter.update(
             memory, fresh, way / self._car.step, at["steering_command"], distance, at["yaw_rate"]
         )
+        if "steering_angle" not in at:
+            return known
+        return self._filter.correct_offset(known, at["steering_angle"] - at["steering_command"], self._wheel)
 
     def _side(self, leg: Leg) -> Floats:
         """Return 1 where corners go to the left, -1 to the right, 0 where that is not known."""

@@ -35,6 +35,8 @@ class LocalMap:
     #: An echo ahead is of something that the scan shows if that is not this much farther, m, and of a side wall if it
     #: is not below this share of that one's expected echo.
     SHOWN, SIDE_SHARE = 0.2, 0.75
+    #: Share of the cone's beams that show nothing from which on there may be glass.
+    OPEN: ClassVar[float] = 0.15
     #: Directions in which it is put, rad; places ahead of the side sensor to which a side wall goes on where the rim of
     #: the scan shows nothing, m.
     ACROSS, GOES_ON = (-0.3, 0.0, 0.3), (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
@@ -44,6 +46,8 @@ class LocalMap:
 
     def __init__(self, reader: ScanReader, nose: float, side_sensor: float) -> None:
         self._reader, self._nose, self._side = reader, nose, side_sensor
+        # Nearer than the camera sees at all an echo is no sign of glass.
+        self._blind = reader.nearest
         self._rim = int(np.count_nonzero(reader.angles <= reader.angles[0] + self.RIM))
         self._per_place = self.SECTORS + self.ECHOES
         self._points = self.KEPT * self._per_place
@@ -97,9 +101,24 @@ class LocalMap:
             echo = at[f"distance_{side}"]
             goes_on = (echo > 0.0) & ~rim.any(axis=0)
             further = np.array(self.GOES_ON)[:, None]
+            # What is heard may as well be a corner that comes into the cone ahead.
+            along.append(np.where(echo > 0.0, self._side + echo * np.sin(HALF_CONE), NOWHERE)[None])
+            across.append(sign * echo[None] * np.cos(HALF_CONE))
             along.append(np.where(goes_on, self._side + further, NOWHERE))
             across.append(np.where(goes_on, sign * echo + 0.0 * further, NOWHERE))
         return np.concatenate(along), np.concatenate(across)
+
+    def unseen(self, at: Mapping[str, Floats], ranges: Floats) -> Floats:
+        """Return how far off the ultrasonic hears what may be glass ahead, m, (n,), inf where that is nothing.
+
+        It may be where the raw scan, inf for nothing, shows nothing in a part of the sensor's cone, whatever else is
+        in it at that distance.
+        """
+        if "distance_front" not in at:
+            return np.full(ranges.shape[1], np.inf)
+        echo, cone = at["distance_front"], np.abs(self._reader.angles[:, 0]) <= HALF_CONE
+        open_ = np.isinf(ranges[cone]).mean(axis=0) >= self.OPEN
+        return np.where(open_ & (echo > self._blind) & (echo > 0.0), echo, np.inf)
 
     def _seen(self, at: Mapping[str, Floats], ranges: Floats, front: Floats) -> tuple[Floats, Floats]:
         """Return the points of this place, x and y, m, (sectors + echoes, n)."""
@@ -139,7 +158,8 @@ class LocalMap:
         shown |= kept.min(axis=(0, 1)) <= echo + self.SHOWN
         sides = [np.where(at[f"distance_{side}"] > 0.0, at[f"distance_{side}"], np.inf) for side in ("right", "left")]
         wall = np.minimum(*sides) / np.sin(HALF_CONE)
-        return np.where((echo > 0.0) & ~shown & (echo < self.SIDE_SHARE * wall), echo, np.inf)
+        glass = (echo > self._blind) & ~shown & (echo < self.SIDE_SHARE * wall)
+        return np.where(glass, echo, np.inf)
 
     def _taken_back(self, at: Mapping[str, Floats], x: Floats, y: Floats) -> NDArray[np.bool_]:
         """Return which points an echo shows to be none."""

@@ -60,7 +60,7 @@ class ScanReader:
     def __init__(self, scan: Scan) -> None:
         self.channels = tuple(f"scan_{k}" for k in range(scan.beams))
         self.angles = (np.arange(scan.beams) * scan.step - 0.5 * scan.field_of_view)[:, None]
-        self._farthest = scan.farthest
+        self.nearest, self._farthest = scan.nearest, scan.farthest
         faulty = scan.noise > 0.0 or scan.missing_every > 0 or scan.jump_errors > 0.0
         self._window = self.WINDOW if faulty else 1
 

@@ -107,6 +107,14 @@ class WallFilter:
             return now
         return np.where(np.reshape(fresh, (-1, 1)), self._start(side_distance), now)
 
+    def correct_offset(self, memory: Floats, offset: Floats, noise: float) -> Floats:
+        """Return a memory (n, 20) corrected by a measured steering offset, rad, (n,), of that standard deviation."""
+        states, covariance = memory.T[:4], memory.T[4:].reshape(4, 4, -1)
+        gain = covariance[:, 2] / (covariance[2, 2] + noise**2)
+        states = states + gain * (offset - states[2])
+        covariance = covariance - gain[:, None] * covariance[2]
+        return np.concatenate([states, covariance.reshape(16, -1)]).T
+
     def _predict(
         self, states: Floats, covariance: Floats, speed: Floats, steering: Floats
     ) -> tuple[Floats, Floats, Floats]:

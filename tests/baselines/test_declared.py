@@ -97,7 +97,7 @@ class Watched:
 WALLS = WallFollowScenario(observation="full")
 LATE = CameraLaneScenario(sensors={"edge_distance": {"period": 0.08}})
 EVERY = (LaneKeepScenario(preview=11), LATE, WALLS, CircuitScenario(), EvasiveScenario(), ReversePathScenario())
-COURSES = (ObstacleCircuitScenario(), ParallelParkScenario())
+COURSES = (ObstacleCircuitScenario(), ParallelParkScenario(observation="full"))
 SCENARIOS = {
     n: scenario for scenario in (*EVERY, *COURSES, DriveScenario()) for n in lanekeep_baselines.names(scenario)
 }

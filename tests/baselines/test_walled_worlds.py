@@ -114,4 +114,4 @@ def test_a_thousand_worlds() -> None:
             first += count
     print("opaque", dict(opaque), "glass", dict(glass))
     assert opaque["contact"] < 0.01 * opaque.total()
-    assert glass["contact"] < 0.3 * glass.total()  # the rate before there was a guard; windows are not solved
+    assert glass["contact"] < 0.2 * glass.total()  # windows near corners are not solved
