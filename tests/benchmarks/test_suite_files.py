@@ -10,9 +10,9 @@ import pytest
 
 import lanekeep_benchmarks
 from lanekeep_benchmarks.__main__ import main
-from lanekeep_benchmarks.benchmark import make_plan
 from lanekeep_benchmarks.results import EPISODES
 from lanekeep_benchmarks.run_record import RUN
+from lanekeep_benchmarks.runs import make_plan
 from lanekeep_benchmarks.suites import SUITES, read_suite
 from lanekeep_benchmarks.suites.reader import LARGEST_FILE, LONGEST_LINE
 
