@@ -22,12 +22,12 @@ lint:
 types:
 	$(PYTHON) -m mypy
 
-# Half of the tests each, in order, so that what a file's tests share is made once; then a worker takes from the other.
+# A file's tests run in one process, so that what they share is made once.
 test:
-	$(PYTHON) -m pytest -n 2 --dist worksteal
+	$(PYTHON) -m pytest -n 2 --dist loadfile
 
 slow:
-	$(PYTHON) -m pytest -n 2 --dist worksteal -m slow
+	$(PYTHON) -m pytest -n 2 --dist loadfile -m slow
 
 # The built wheel with its light core alone, in a virtual environment of its own, outside the repository.
 smoke:

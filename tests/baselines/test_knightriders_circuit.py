@@ -55,6 +55,7 @@ def test_a_hundred_circuits_without_contact_and_fast(laps: SimpleNamespace) -> N
     assert laps.ratio.mean() < 1.05 and laps.ratio.max() < 1.2
 
 
+@pytest.mark.parametrize("cars", [30, pytest.param(100, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("faults", "failures"),
     [
@@ -67,8 +68,8 @@ def test_a_hundred_circuits_without_contact_and_fast(laps: SimpleNamespace) -> N
         ({"action": "steering_rate"}, 1),
     ],
 )
-def test_failures_of_a_hundred_with_faults(faults: dict[str, Any], failures: int) -> None:
-    run = drive(**faults)
+def test_failures_of_a_hundred_with_faults(cars: int, faults: dict[str, Any], failures: int) -> None:
+    run = drive(cars, **faults)
     finished = np.isfinite(run.ratio)
     assert (~finished).sum() <= failures
     assert run.ratio[finished].mean() < 1.05

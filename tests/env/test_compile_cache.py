@@ -314,3 +314,35 @@ def test_kernels_cached_by_different_processes_stay_apart(tmp_path):
     assert together[1::2] == ["1", "1", "1"]
     assert together[::2] == [result for result, _ in alone]
     assert len(set(together[::2])) == 3
+
+
+SHARED = """
+import hashlib, sys
+import gymnasium as gym, numpy as np
+from numba.core import event
+import lanekeep_env
+
+class Compiled(event.Listener):
+    def on_start(self, started): pass
+    def on_end(self, ended): names.append(ended.data["dispatcher"].py_func.__name__)
+
+names, told = [], hashlib.sha256()
+with event.install_listener("numba:compile", Compiled()):
+    env = gym.make_vec("lanekeep/LaneKeep-v0", 8, "vector_entry_point", tyre=sys.argv[1])
+    env.reset(seed=0)
+    for action in np.random.default_rng(0).uniform(-1, 1, (20, 8, 1)).astype(np.float32):
+        told.update(env.step(action)[0].tobytes())
+print(told.hexdigest(), *names)
+"""
+
+
+def test_kernels_share_what_they_call(tmp_path):
+    """The second car's kernel compiles nothing of the road anew, and drives as if it had."""
+    both, cold = tmp_path / "both", tmp_path / "cold"
+    _, *first = python(SHARED, "linear", cwd=tmp_path, LANEKEEP_CACHE_DIR=both)
+    warm, *second = python(SHARED, "magic_formula", cwd=tmp_path, LANEKEEP_CACHE_DIR=both)
+    alone, *whole = python(SHARED, "magic_formula", cwd=tmp_path, LANEKEEP_CACHE_DIR=cold)
+    road = {"cross_segments", "look_ahead", "load_segment"}
+    assert road <= set(first) and road <= set(whole)
+    assert not road & set(second) and len(second) < len(whole) / 2
+    assert warm == alone

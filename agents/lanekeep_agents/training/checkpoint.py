@@ -51,10 +51,10 @@ def write_checkpoint(
         best: tensors of the best policy so far.
     """
     numbers: dict[str, Any] = {"notes": dict(notes)}
-    arrays = _collect(model, env, best, numbers)
+    arrays: dict[str, Any] = dict(_collect(model, env, best, numbers))
     arrays["numbers"] = np.array(json.dumps(numbers))
     content = io.BytesIO()
-    np.savez(content, allow_pickle=False, **arrays)
+    np.savez(content, **arrays)
     write_atomic(path, content.getvalue())
 
 

@@ -110,7 +110,7 @@ class DrivenRun:
     def save(self, path: str | Path) -> None:
         """Write a compressed .npz file; what was not measured is left out."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        np.savez_compressed(path, allow_pickle=False, **{k: v for k, v in values.items() if v is not None})
+        np.savez_compressed(path, **{k: v for k, v in values.items() if v is not None})
 
     @classmethod
     def load(cls, path: str | Path) -> DrivenRun:

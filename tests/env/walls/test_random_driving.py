@@ -100,7 +100,7 @@ def random_keywords(rng, circuit, combinations=FEW):
 
 
 @pytest.mark.parametrize(
-    ("wanted", "combinations"), [(1500, FEW), pytest.param(6000, EVERY, marks=pytest.mark.slow)], ids=["few", "every"]
+    ("wanted", "combinations"), [(800, FEW), pytest.param(6000, EVERY, marks=pytest.mark.slow)], ids=["few", "every"]
 )
 def test_random_episodes_over_the_whole_parameter_range(wanted, combinations):
     rng = np.random.default_rng(2017)
@@ -130,7 +130,7 @@ def test_random_episodes_over_the_whole_parameter_range(wanted, combinations):
 
 def test_single_environments_run_random_episodes_too():
     rng = np.random.default_rng(7)
-    for k in range(60):
+    for k in range(30):
         keywords = random_keywords(rng, k % 2)
         del keywords["autoreset_mode"]
         keywords = with_effect(IDS[k % 2], keywords)
