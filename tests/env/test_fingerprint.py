@@ -67,8 +67,8 @@ _ORDER = list(zip(KERNELS, BEFORE.values(), strict=True))
 
 
 def some_kernel_changes():
-    for place, (kernel, before) in enumerate(_ORDER):
-        if fingerprint(kernel) != before:
+    for place, (one, before) in enumerate(_ORDER):
+        if fingerprint(one) != before:
             _ORDER.insert(0, _ORDER.pop(place))  # the next one is likely to be read there, too
             return True
     return False
