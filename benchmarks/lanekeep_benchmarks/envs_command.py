@@ -6,10 +6,12 @@ import inspect
 import json
 import re
 from dataclasses import MISSING, fields
+from itertools import groupby
 from typing import Annotated, Any
 
 import gymnasium as gym
 import typer
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -73,8 +75,8 @@ def field_meanings(record: type) -> dict[str, str]:
     for base in reversed(record.__mro__):
         _, _, attributes = inspect.cleandoc(base.__doc__ or "").partition("Attributes:\n")
         # A field begins at four spaces, and what it says goes on further in.
-        for name, text in re.findall(r"^    (\w+): (.*(?:\n {5,}.*)*)", attributes, re.MULTILINE):
-            found[name] = " ".join(text.split())
+        for names, text in re.findall(r"^    (\w+(?:, \w+)*): (.*(?:\n {5,}.*)*)", attributes, re.MULTILINE):
+            found |= dict.fromkeys(names.split(", "), " ".join(text.split()))
     return found
 
 
@@ -90,17 +92,25 @@ def _default(field: Any) -> str:
 
 
 def _print_list(found: list[dict[str, Any]]) -> None:
-    table = Table()
-    for heading in ("environment", "actions", "channels", "steps", "what"):
-        table.add_column(heading, justify="right" if heading in ("channels", "steps") else "left")
-    for entry in found:
-        actions = entry["action_space"].partition("(")[2].split(", ")[2].strip("(,")
-        what = re.split(r"(?<=\w)[.:] ", entry["description"])[0]
-        numbers = (actions, str(len(entry["channels"])), str(entry["max_episode_steps"]))
-        table.add_row(Text(entry["id"].removeprefix("lanekeep/"), no_wrap=True), *numbers, Text(what))
     there = console()
-    there.print(table)
+    for entry in found:
+        actions = re.search(r"\((\d+),\)", entry["action_space"])
+        count = actions[1] if actions else "?"
+        told = f": {count} action(s), {len(entry['channels'])} channels, {entry['max_episode_steps']} steps"
+        there.print(Text.assemble((entry["id"], "bold"), told))
+        what = re.split(r"(?<=\w)[.:] ", entry["description"])[0].rstrip(".")
+        there.print(Padding(Text(what), (0, 0, 0, 4)))
     there.print("All of one, with its channels and keywords: lanekeep envs ID", highlight=False)
+
+
+def _runs(channels: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Channels for people: of numbered ones in a row (a scan) the first and the last."""
+    found: list[dict[str, Any]] = []
+    for _, run in groupby(channels, lambda channel: re.sub(r"\d+$", "", channel["name"])):
+        rows = list(run)
+        gap = {**dict.fromkeys(("name", "unit", "description"), "..."), "low": rows[0]["low"], "high": rows[0]["high"]}
+        found += rows if len(rows) < 4 else [rows[0], gap, rows[-1]]
+    return found
 
 
 def _print_one(entry: dict[str, Any]) -> None:
@@ -111,7 +121,7 @@ def _print_one(entry: dict[str, Any]) -> None:
     channels = Table(title="Observation", title_justify="left")
     for heading in ("channel", "unit", "low", "high", "meaning"):
         channels.add_column(heading, justify="right" if heading in ("low", "high") else "left", overflow="fold")
-    for channel in entry["channels"]:
+    for channel in _runs(entry["channels"]):
         bounds = (f"{channel[bound]:.4g}" for bound in ("low", "high"))
         texts = (channel["name"], channel["unit"], *bounds, channel["description"])
         channels.add_row(*map(Text, texts))

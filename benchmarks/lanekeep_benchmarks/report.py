@@ -105,12 +105,14 @@ def _table(
     left = f" ({len(names) - 1 - len(places)} columns more: a wider terminal)" if len(places) < len(names) - 1 else ""
     table = Table(title=Text(scenario["title"] + left, style="bold"), title_justify="left")
     table.add_column("policy", no_wrap=True)
+    rows = [list(map("\n".join, cells(row, columns))) for row in scenario["policies"]]
     for place in sorted(places):
-        table.add_column(Text(names[place]), justify="right")
-    for row in scenario["policies"]:
-        texts = ["\n".join(cell).rstrip() for cell in cells(row, columns)]
+        # Headings are broken at their words, numbers nowhere.
+        widest = max(len(line) for texts in rows for line in texts[place - 1].split("\n"))
+        table.add_column(Text(names[place]), justify="right", min_width=widest)
+    for row, texts in zip(scenario["policies"], rows, strict=True):
         style = "dim" if row["failure_rate"]["value"] > 0.5 else ""
-        numbers = (Text(texts[place - 1], no_wrap=True) for place in sorted(places))
+        numbers = (Text(texts[place - 1].rstrip(), no_wrap=True) for place in sorted(places))
         table.add_row(Text(_folded(row["policy"], folded)), *numbers, style=style)
     return table
 

@@ -79,7 +79,7 @@ def folder(tmp_path, monkeypatch):
     """A folder with ``mine.py``, in which commands run."""
     monkeypatch.setitem(SUITES, "short", SUITE)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     (tmp_path / "mine.py").write_text(CODE)
     yield tmp_path
     sys.modules.pop("mine", None)
@@ -107,7 +107,7 @@ def test_python_takes_names_factories_and_objects(folder):
     import mine
 
     policies = ["pd", mine.Mine, mine.Mine(LaneKeepScenario(preview=1, road="slalom"))]
-    with pytest.raises(ValueError, match="mine, mine are not allowed"):
+    with pytest.raises(ValueError, match="policies 'pd, mine, mine' are not allowed"):
         lanekeep_benchmarks.benchmark("short", policies, out=folder / "twice")
     summary = lanekeep_benchmarks.benchmark("short", ["pd", mine.Mine, mine.alone], episodes=2, out=folder / "out")
     assert [row["policy"] for row in summary["scenarios"][0]["policies"]] == ["pd", "mine", "alone"]
@@ -139,7 +139,7 @@ def test_a_registered_controller_is_one_of_all(folder, monkeypatch):
 @pytest.mark.parametrize(
     ("policy", "message"),
     [
-        ("mine.py:Min", r"mine.py has no function or class 'Min'; did you mean 'Mine'\?"),
+        ("mine.py:Min", r"mine.py has no function or class 'Min' \(did you mean 'Mine'\?\)"),
         ("other.py:Mine", "other.py: No such file"),
         ("other:Mine", "there is no module 'other'; allowed: module:factory or path/to/file.py:factory"),
         ("mine.py:broken", r"ZeroDivisionError: division by zero \(.*mine.py, line \d+, in predict\)"),

@@ -58,7 +58,7 @@ def killed(unbroken, tmp_path):
 
 def contents(folder):
     """Every file's bytes, the result lines as a sorted list."""
-    found = {file.name: file.read_bytes() for file in folder.iterdir()}
+    found = {file.name: file.read_bytes() for file in folder.rglob("*.*")}
     return {name: sorted(data.splitlines()) if name == EPISODES else data for name, data in found.items()}
 
 
