@@ -9,12 +9,16 @@ Every policy is built from a scenario alone (vehicle, channels, control step), n
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from importlib import import_module
+from typing import Any
 
-from lanekeep_baselines.policy import Policy, Scenario, SteeringPolicy
+from lanekeep_baselines.declared import Declared
+from lanekeep_baselines.one_by_one import OneByOne
+from lanekeep_baselines.policy import DrivingPolicy, Policy, Scenario, SteeringPolicy
 from lanekeep_env.checks import nearest, shown
 
-__all__ = ["Policy", "Scenario", "make", "names"]
+__all__ = ["DrivingPolicy", "OneByOne", "Policy", "Scenario", "SteeringPolicy", "make", "names", "register"]
 
 # Modules import the packages of their designs where they design: what they declare is read without them.
 _POLICIES = {
@@ -58,16 +62,52 @@ _POLICIES = {
 }
 
 
+#: Controllers of users by name: what they declare, and the factory.
+_REGISTERED: dict[str, tuple[type[Declared], Callable[[Any], Any]]] = {}
+
+
+def register(name: str, factory: Callable[[Any], Any], needs: Sequence[str] = ()) -> None:
+    """Make a controller of your own known to `names`, `make` and the benchmark, in this process.
+
+    Args:
+        name: anything that no other policy is called; the same name again takes the new factory.
+        factory: takes a scenario, gives a policy: an object with ``predict``. A `SteeringPolicy` declares itself.
+        needs: channels that it cannot do without; `names(scenario)` lists it where they are observed.
+
+    Raises:
+        ValueError: a name that the package's own policies have, or a factory that is none.
+    """
+    if name in _POLICIES or not name.isprintable() or not name or "," in name or ":" in name:
+        raise ValueError(f"name={shown(name)} is not allowed: it must be a text without , and : and none of {names()}")
+    if not callable(factory):
+        raise ValueError(f"factory={shown(factory)} is not allowed: it must take a scenario and return a policy")
+    if isinstance(factory, type) and issubclass(factory, Declared):
+        declared: type[Declared] = factory
+    else:
+        actions = getattr(factory, "actions", 1)
+        declared = type("Registered", (Declared,), {"name": name, "reads": tuple(needs), "actions": actions})
+    _REGISTERED[name] = declared, factory
+
+
+def registered(name: str) -> Callable[[Any], Any] | None:
+    """Return the factory that was registered under ``name``, or None."""
+    return _REGISTERED[name][1] if name in _REGISTERED else None
+
+
 def names(scenario: Scenario | None = None) -> tuple[str, ...]:
     """Return the names that `make` knows, or those of them that can drive ``scenario`` with what is installed."""
     if scenario is None:
-        return tuple(_POLICIES)
-    return tuple(name for name in _POLICIES if _drives(name, scenario))
+        return (*_POLICIES, *_REGISTERED)
+    return tuple(name for name in names() if _drives(name, scenario))
 
 
 def _drives(name: str, scenario: Scenario) -> bool:
-    policy = _class_of(name)
+    policy = _declared_of(name)
     return not policy.lacking(scenario) and not policy.missing_package()
+
+
+def _declared_of(name: str) -> type[Declared]:
+    return _REGISTERED[name][0] if name in _REGISTERED else _class_of(name)
 
 
 def _class_of(name: str) -> type[SteeringPolicy]:
@@ -83,12 +123,17 @@ def make(name: str, scenario: Scenario) -> Policy:
         ValueError: unknown name (the nearest one is named), or a channel or field that the scenario does not have.
         ModuleNotFoundError: the controller's design needs a package of the extra `lanekeep[baselines]`.
     """
-    if name not in _POLICIES:
-        raise ValueError(f"policy={shown(name)} is unknown{nearest(name, _POLICIES)}; allowed: {', '.join(_POLICIES)}")
-    policy = _class_of(name)
+    if name not in names():
+        raise ValueError(f"policy={shown(name)} is unknown{nearest(name, names())}; allowed: {', '.join(names())}")
+    policy = _declared_of(name)
     package = policy.missing_package()
     if package:
         raise ModuleNotFoundError(
             f'policy {name!r} needs the package {package!r}: pip install "lanekeep[baselines]"', name=package
         )
-    return policy(scenario)
+    if name in _REGISTERED:
+        if lacking := policy.lacking(scenario):
+            raise ValueError(lacking)
+        made: Policy = _REGISTERED[name][1](scenario)
+        return made
+    return _class_of(name)(scenario)

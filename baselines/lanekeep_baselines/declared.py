@@ -48,7 +48,7 @@ class Declared:
     @classmethod
     def fields(cls) -> tuple[str, ...]:
         """Return the fields of a scenario that it may read."""
-        protocol = get_type_hints(cls.__init__)["scenario"]
+        protocol = get_type_hints(cls.__init__).get("scenario", object)
         bases = reversed(protocol.__mro__)
         return tuple(name for base in bases for name, member in vars(base).items() if isinstance(member, property))
 

@@ -1,1 +1,69 @@
-"""Paired evaluation of lane-keeping policies: suites, statistics, report, plots and the `lanekeep` command."""
+"""Paired evaluation of policies: suites, statistics, report, plots and the `lanekeep` command.
+
+>>> import lanekeep_benchmarks
+>>> summary = lanekeep_benchmarks.benchmark("classical", ["stanley", my_factory], episodes=16)  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lanekeep_benchmarks.reading import read
+
+if TYPE_CHECKING:
+    from lanekeep_benchmarks.suites import Suite
+
+__all__ = ["benchmark", "read"]
+
+
+def benchmark(
+    suite: str | Suite = "classical",
+    policies: Sequence[Any] | None = None,
+    *,
+    episodes: int | None = None,
+    seed: int | None = None,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    resume: bool = False,
+    trace: bool = False,
+) -> dict[str, Any]:
+    """Compare policies on identical episodes, as `lanekeep bench` does: the same folder, tables and plots.
+
+    Args:
+        suite: a name, the path of a TOML file, or a `Suite`.
+        policies: names, paths of learned policies, ``"module:factory"``, ``"file.py:factory"``, factories (which take a
+            scenario and return a policy) and policies (objects with ``predict``); the first is the reference. None for
+            those of the suite.
+        episodes: of each scenario; None for the suite's number.
+        seed: another one gives other episodes; None for 0, or for that of the run to complete.
+        out: folder of the results; None for one below ``results/``.
+        overwrite: replace results in ``out``.
+        resume: complete the run in ``out``. What has no source to tell by whether it is the same cannot be resumed.
+        trace: keep every step of every episode, not only of those that failed; `read` returns them.
+
+    Returns:
+        What `summary.json` holds, and ``folder``.
+
+    Raises:
+        ValueError, OSError: something is not allowed or unknown; one line that names it. Nothing is driven then.
+        lanekeep_benchmarks.own_code.OwnCodeError: a ValueError, where one of the policies failed while it drove.
+    """
+    from lanekeep_benchmarks import runs
+
+    plan, folder = runs.open_run(
+        suite,
+        None if policies is None else tuple(policies),
+        None,
+        episodes,
+        seed,
+        out=None if out is None else Path(out),
+        overwrite=overwrite,
+        resume=resume,
+        trace=trace,
+    )
+    with folder:
+        for _ in runs.drive(plan, folder):
+            pass
+        return {"folder": str(folder.path), **runs.write_report(plan, folder)}

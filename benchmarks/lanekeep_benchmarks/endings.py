@@ -9,6 +9,8 @@ from contextlib import contextmanager
 import gymnasium as gym
 import typer
 
+from lanekeep_benchmarks.own_code import OwnCodeError
+
 
 def one_line(text: object) -> str:
     """Text without line ends."""
@@ -37,6 +39,16 @@ def disk_errors(advice: str) -> Iterator[None]:
         yield
     except OSError as error:
         print(f"lanekeep: {short(one_line(error))}{advice}", file=sys.stderr)
+        raise typer.Exit(1) from error
+
+
+@contextmanager
+def own_errors() -> Iterator[None]:
+    """Turn what fails in a user's own code into one line on stderr and exit code 1."""
+    try:
+        yield
+    except OwnCodeError as error:
+        print(f"lanekeep: {short(one_line(error))}", file=sys.stderr)
         raise typer.Exit(1) from error
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 import lanekeep_env
 from lanekeep_benchmarks.suites import OWN_ROAD, Suite, SuiteScenario
+from lanekeep_benchmarks.traces import Trace
 from lanekeep_env.checks import choose, from_mapping, require, shown
 from lanekeep_env.plain import parse_json
 
@@ -51,6 +52,7 @@ class Policy(Protocol):
 
 MakePolicy = Callable[[str, Any], Policy]
 Place = tuple[str, str, int]
+KeepTrace = Callable[[Trace, str, str, NDArray[np.int64], NDArray[np.bool_]], None]
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,7 @@ class Step:
 
     alive: NDArray[np.bool_]
     observation: NDArray[np.float32]
+    action: NDArray[np.float32]
     reward: NDArray[np.float64]
     info: Mapping[str, Any]
 
@@ -155,7 +158,7 @@ def drive(env: Any, policy: Policy, seeds: Sequence[int], options: Mapping[str, 
     while alive.any():
         action, state = policy.predict(observation, state, start)
         observation, reward, terminated, truncated, info = env.step(action)
-        yield Step(alive, observation, reward, info)
+        yield Step(alive, observation, action, reward, info)
         start = np.zeros_like(start)
         # A car whose episode has ended starts another episode by itself; that is driven on, but not counted.
         alive = alive & ~(terminated | truncated)
@@ -204,8 +207,12 @@ def evaluate(
     seed: int,
     cars: int = CARS,
     done: Collection[Place] = frozenset(),
+    keep_trace: KeepTrace | None = None,
 ) -> Iterator[list[EpisodeResult]]:
     """Yield the results scenario by scenario, chunk by chunk of episodes, policy by policy, as they finish.
+
+    ``keep_trace`` gets the trace of each chunk before its results come, scenario, policy, the numbers of the episodes
+    and which of them failed, (n,) each.
 
     Episodes in ``done`` are left out. A chunk of which some are done is driven whole all the same: with the same
     neighbours the result is the same even where a policy's rows are not independent to the last bit.
@@ -223,7 +230,11 @@ def evaluate(
             for name in filter(missing.get, policies):
                 policy = make_policy(name, scenario.policies_scenario(definition))
                 limit = definition.episode_steps * definition.control_step if hasattr(definition, "laps") else None
-                metrics, failed, count = measure(drive(env, policy, seeds, scenario.options), len(seeds), limit)
+                steps = drive(env, policy, seeds, scenario.options)
+                trace = Trace([channel.name for channel in definition.channels])
+                metrics, failed, count = measure(trace.watch(steps) if keep_trace else steps, len(seeds), limit)
+                if keep_trace is not None:
+                    keep_trace(trace, scenario.name, name, np.array(numbers), failed)
                 yield [
                     EpisodeResult(
                         suite=suite.name,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,8 @@ import numpy as np
 
 import lanekeep_baselines
 import lanekeep_env  # noqa: F401
-from lanekeep_benchmarks.policies import make_policy
+from lanekeep_benchmarks.policies import Entry
+from lanekeep_benchmarks.replay import Replay
 from lanekeep_env.files import write_atomic
 
 GIF_WIDTH = 640
@@ -67,24 +68,68 @@ def make(env_id: str, render_mode: str | None, **keywords: Any) -> gym.Env:
     return gym.make(env_id, render_mode=render_mode, **{ends: "cost", **keywords})
 
 
-def play(
-    env_id: str, policy_name: str, seed: int, seconds: float, see: Callable[[np.ndarray], None] | None, **keywords: Any
-) -> Episode:
+@dataclass(frozen=True)
+class Drive:
+    """An episode to play.
+
+    Attributes:
+        env_id: a registered id.
+        policy: what drives.
+        make: takes a render mode, gives the environment.
+        seed: of the episode.
+        seconds: length at the most, unless told otherwise.
+        options: of `reset`.
+        told: takes the environment's scenario, gives the one that the policy is made for.
+    """
+
+    env_id: str
+    policy: Entry
+    make: Callable[[str | None], gym.Env]
+    seed: int
+    seconds: float
+    options: Mapping[str, Any]
+    told: Callable[[Any], Any]
+
+    @classmethod
+    def fresh(cls, env_id: str, policy: Entry, seed: int, keywords: Mapping[str, Any]) -> Drive:
+        """The episode of an environment with that seed, in which departures end nothing."""
+
+        def made(render_mode: str | None) -> gym.Env:
+            return make(env_id, render_mode, **keywords)
+
+        return cls(env_id, policy, made, seed, 15.0, {}, lambda scenario: scenario)
+
+    @classmethod
+    def of_line(cls, replay: Replay) -> Drive:
+        """The episode of a result line, all of it."""
+        scenario = replay.scenario
+        return cls(
+            scenario.env_id,
+            replay.policy,
+            replay.make,
+            replay.line.episode_seed,
+            math.inf,
+            scenario.options,
+            replay.policys_scenario,
+        )
+
+
+def play(drive: Drive, seconds: float | None, see: Callable[[np.ndarray], None] | None) -> Episode:
     """Drive one episode of at most ``seconds``; ``see`` gets each picture, or a window shows it where that is None.
 
     Raises:
         ValueError, ImportError, gymnasium.error.Error: a wrong id, policy, option, or a missing extra.
     """
-    env = make(env_id, "human" if see is None else "rgb_array", **keywords)
+    env = drive.make("human" if see is None else "rgb_array")
     try:
         scenario = env.unwrapped.scenario  # type: ignore[attr-defined]
-        policy = make_policy(policy_name, scenario)
-        observation, _ = env.reset(seed=seed)
+        driver = drive.policy.make(drive.told(scenario))
+        observation, _ = env.reset(seed=drive.seed, options=dict(drive.options) or None)
         errors: list[float] = []
         state, departed, over = None, False, False
-        limit = math.ceil(seconds / scenario.control_step)
+        limit = (drive.seconds if seconds is None else seconds) / scenario.control_step
         while len(errors) < limit and not over:
-            action, state = policy.predict(observation, state)
+            action, state = driver.predict(observation, state)
             observation, _, terminated, truncated, info = env.step(action)
             over = terminated or truncated
             errors.append(info["lateral_error"])

@@ -1,15 +1,18 @@
-"""Policies by name, classical and learned alike: the one place that the benchmark and `lanekeep play` make them."""
+"""Policies by name, classical, learned and a user's own alike: the one place where every command finds them."""
 
 from __future__ import annotations
 
 import hashlib
+import uuid
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import lanekeep_agents
 import lanekeep_baselines
 from lanekeep_agents.policy_file import LARGEST_RECORD
+from lanekeep_benchmarks.own_code import FORMS, Checked, is_code, load_factory, sha256_of
 from lanekeep_env.checks import nearest, shown
 from lanekeep_env.files import read_bounded
 
@@ -22,13 +25,31 @@ FILE = ".json"
 ZOO = Path(lanekeep_agents.__path__[0], "zoo")
 
 
+@dataclass(frozen=True)
+class Entry:
+    """A policy as a run knows it.
+
+    Attributes:
+        name: in result lines and tables.
+        make: takes a scenario, gives the policy designed for it.
+        sha256: of its file, or of the one with its code; None where the hash of the packages' sources tells it.
+    """
+
+    name: str
+    make: Callable[[Any], Policy]
+    sha256: str | None = None
+
+
 def known_policies() -> tuple[str, ...]:
     """Return the names of all classical controllers, then of all shipped learned policies."""
     return *lanekeep_baselines.names(), *lanekeep_agents.names()
 
 
 def check_policy(name: str) -> None:
-    """Raise ValueError unless ``name`` is a known one or the path of a file; the nearest known one is named."""
+    """Raise ValueError unless ``name`` is a known one or the path of a file; the nearest known one is named.
+
+    Code is not looked for: this is for names that stand in a file.
+    """
     if name.endswith(FILE):
         try:
             found = Path(name).is_file()
@@ -36,10 +57,66 @@ def check_policy(name: str) -> None:
             found = False
         if not found:
             raise ValueError(f"policy {shown(name)}: no such file; allowed: the path of a learned policy's {FILE} file")
+    elif is_code(name):
+        raise ValueError(
+            f"policy {shown(name)} is code, which only a person may name: on the command line (--policies) or in Python"
+        )
     elif name not in (known := known_policies()):
         raise ValueError(
             f"policy {shown(name)} is unknown{nearest(name, known)}; allowed: {', '.join(known)}, or a {FILE} file"
         )
+
+
+def entry_of(given: Any, code: bool = True) -> Entry:
+    """Return the entry of what a person names or hands over.
+
+    Args:
+        given: a name, the path of a learned policy's file, ``module:factory``, ``path/to/file.py:factory``; in Python
+            also a factory (takes a scenario, gives a policy) or a policy, an object with ``predict``.
+        code: whether a text may name code: never where it comes from a file.
+
+    Raises:
+        ValueError: there is no such policy, or its code fails.
+    """
+    if isinstance(given, Entry):
+        return given
+    if not isinstance(given, str):
+        return _handed_over(given)
+    if code and is_code(given) and not given.endswith(FILE):
+        return _own(given, load_factory(given))
+    if code and given not in known_policies() and not given.endswith(FILE):
+        known = known_policies()
+        raise ValueError(
+            f"policy {shown(given)} is unknown{nearest(given, known)}; allowed: {', '.join(known)}, a {FILE} file, or "
+            f"code of your own, {FORMS}"
+        )
+    check_policy(given)
+    registered = lanekeep_baselines.registered(given)
+    if registered is not None:
+        return _own(given, registered)
+    return Entry(given, lambda scenario: make_policy(given, scenario), policy_digest(given))
+
+
+def _handed_over(given: Any) -> Entry:
+    """The entry of a factory or of a policy; its name is its own attribute's, or that of its function or class."""
+    drives = callable(getattr(given, "predict", None)) and not isinstance(given, type)
+    if not (drives or callable(given)):
+        raise ValueError(
+            f"policy {shown(given)} is not allowed: it must be a name, a file, a factory that takes a scenario, or an "
+            "object with predict"
+        )
+    name = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
+    factory = (lambda scenario: given) if drives else given
+    return Entry(str(name), lambda scenario: Checked(str(name), factory, scenario), _code_of(given))
+
+
+def _own(name: str, factory: Callable[[Any], Any]) -> Entry:
+    return Entry(name, lambda scenario: Checked(name, factory, scenario), _code_of(factory))
+
+
+def _code_of(thing: Any) -> str:
+    """The hash of its source; what has none is another thing in every run."""
+    return sha256_of(thing) or f"no source, {uuid.uuid4().hex}"
 
 
 def default_policies(definitions: Iterable[Any], listed: Sequence[str] = (), learned: bool = False) -> list[str]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
+from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -63,16 +66,65 @@ def caption(summary: dict[str, Any]) -> str:
     return f"{what}; below each mean its {interval}: bootstrap over episodes{seeds}, Wilson for the rate{marks}"
 
 
-def terminal_table(scenario: dict[str, Any], reference: str) -> Table:
-    """Table of one scenario for the terminal, the interval below each value."""
-    # Text, because plain strings are markup, which eats the units' brackets.
-    table = Table(title=Text(scenario["title"], style="bold"), title_justify="left", row_styles=("", "dim"))
+def terminal_table(scenario: dict[str, Any], reference: str, width: int) -> Table:
+    """Table of one scenario for a terminal of ``width`` columns, the interval below each value.
+
+    Where not all columns fit, the less important ones are left out: a number is never cut. Rows of policies that
+    failed in most episodes are faded.
+    """
     columns = columns_of(scenario["policies"])
-    for index, heading in enumerate(headings(columns, reference)):
-        table.add_column(Text(heading), justify="right" if index else "left", no_wrap=not index)
-    for row in scenario["policies"]:
-        table.add_row(row["policy"], *("\n".join(cell).rstrip() for cell in cells(row, columns)))
+    count = len(headings(columns, reference))
+    # The rate and the first metric stay; then the last column, the difference, and the metrics from the last on.
+    order = [1, 2, count - 1, *range(count - 2, 2, -1)]
+    tables = (
+        _table(scenario, reference, columns, order[:kept], folded)
+        for kept in range(len(order), 0, -1)
+        for folded in ((0,) if kept == len(order) else (0, 20, 12))
+    )
+    table = next(tables)
+    while _narrowest(table) > width:
+        narrower = next(tables, None)
+        if narrower is None:
+            break
+        table = narrower
     return table
+
+
+def _narrowest(table: Table) -> int:
+    """Columns of text that show all of a table."""
+    there = Console(width=1000)
+    return Measurement.get(there, there.options, table).minimum
+
+
+def _table(
+    scenario: dict[str, Any], reference: str, columns: Sequence[Column], places: Sequence[int], folded: int
+) -> Table:
+    """The table with the headings at ``places``; names of policies are broken at a hyphen where they are longer."""
+    # Text, because plain strings are markup, which eats the units' brackets.
+    names = headings(columns, reference)
+    left = f" ({len(names) - 1 - len(places)} columns more: a wider terminal)" if len(places) < len(names) - 1 else ""
+    table = Table(title=Text(scenario["title"] + left, style="bold"), title_justify="left")
+    table.add_column("policy", no_wrap=True)
+    rows = [list(map("\n".join, cells(row, columns))) for row in scenario["policies"]]
+    for place in sorted(places):
+        # Headings are broken at their words, numbers nowhere.
+        widest = max(len(line) for texts in rows for line in texts[place - 1].split("\n"))
+        table.add_column(Text(names[place]), justify="right", min_width=widest)
+    for row, texts in zip(scenario["policies"], rows, strict=True):
+        style = "dim" if row["failure_rate"]["value"] > 0.5 else ""
+        numbers = (Text(texts[place - 1].rstrip(), no_wrap=True) for place in sorted(places))
+        table.add_row(Text(_folded(row["policy"], folded)), *numbers, style=style)
+    return table
+
+
+def _folded(name: str, width: int) -> str:
+    """A name in lines of at most ``width`` where it has hyphens to break it at; 0 for one line."""
+    lines = [""]
+    for part in re.split(r"(?<=[-/:_])", name):
+        if width and lines[-1] and len(lines[-1]) + len(part) > width:
+            lines.append("")
+        lines[-1] += part
+    return "\n".join(lines)
 
 
 def overview(summary: dict[str, Any]) -> list[str]:

@@ -15,6 +15,7 @@ from types import TracebackType
 
 from lanekeep_benchmarks.evaluate import EpisodeResult
 from lanekeep_benchmarks.run_record import ANEW, RUN, RunRecord, another_run, told
+from lanekeep_benchmarks.traces import FOLDER
 from lanekeep_env.files import locked, open_to_append, read_bounded, require_ordinary, write_atomic
 
 EPISODES = "episodes.jsonl"
@@ -95,7 +96,7 @@ class ResultFolder:
     def _files(self) -> list[Path]:
         """What a run has left, all of it ordinary files."""
         found = [file for name in (RUN, EPISODES, SUMMARY, TABLE) if os.path.lexists(file := self.path / name)]
-        require_ordinary(*found, *self.path.glob("plot_*.png"))
+        require_ordinary(*found, *self.path.glob("plot_*.png"), *self.path.glob(f"{FOLDER}/*.parquet"))
         return found
 
     def _take_up(self, record: RunRecord) -> int:
@@ -129,7 +130,8 @@ class ResultFolder:
         # The record goes first: lines without one are never taken up by mistake.
         (self.path / RUN).unlink(missing_ok=True)
         self._lines.truncate(0)
-        for file in [self.path / SUMMARY, self.path / TABLE, *self.path.glob("plot_*.png")]:
+        traces = self.path.glob(f"{FOLDER}/*.parquet")
+        for file in [self.path / SUMMARY, self.path / TABLE, *self.path.glob("plot_*.png"), *traces]:
             file.unlink(missing_ok=True)
 
     def append(self, results: Iterable[EpisodeResult]) -> None:
@@ -140,6 +142,7 @@ class ResultFolder:
 
     def write(self, name: str, content: bytes | str) -> Path:
         """Write another file of the run atomically; return its path."""
+        (self.path / name).parent.mkdir(exist_ok=True)
         write_atomic(self.path / name, content)
         return self.path / name
 

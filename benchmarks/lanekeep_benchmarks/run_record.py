@@ -36,6 +36,7 @@ _ADVICE = {
     "policies": "leave --policies out",
     "episodes": "leave --episodes out",
     "seed": "leave --seed out",
+    "trace": "leave --trace out",
     "scenario_hash": "restore the scenario, or the file of its suite or road, as it was when the run began",
     "policy_sha256": "restore the policy's file as it was when the run began",
 }
@@ -61,7 +62,8 @@ class RunRecord:
     """Everything that fixes the result lines of a run and their order in the report.
 
     ``road`` and ``suite_file`` are paths of files, None where the package's own is driven; ``policy_sha256`` tells
-    learned policies from others of their name; ``metrics`` has the names of those of each scenario.
+    learned policies and own code from others of their name; ``metrics`` has the names of those of each scenario;
+    ``trace`` keeps the steps of all episodes, not only of those that failed.
     """
 
     version: str
@@ -75,6 +77,7 @@ class RunRecord:
     policy_sha256: Mapping[str, str] = field(default_factory=dict)
     metrics: Mapping[str, Sequence[str]] = field(default_factory=dict)
     suite_file: str | None = None
+    trace: bool = False
 
     def to_json(self) -> str:
         """The content of `run.json`."""
@@ -126,7 +129,7 @@ class RunRecord:
 
     def differences(self, found: RunRecord) -> list[Difference]:
         """Return where the record in a folder is not this one; where road and suite files lie does not matter."""
-        names = ("version", "code", "suite", "policies", "episodes", "seed")
+        names = ("version", "code", "suite", "policies", "episodes", "seed", "trace")
         pairs: list[Difference] = [(name, getattr(found, name), getattr(self, name)) for name in names]
         hashes = ["scenario_hash", "metrics"] if found.suite == self.suite else []
         hashes += ["policy_sha256"] if found.policies == self.policies else []

@@ -45,6 +45,8 @@ COLUMNS = (
 MORE_IS_BETTER = ("return",)
 #: Key of the failure rate beside those of the metrics in differences and verdicts.
 RATE = "failure_rate"
+#: Digits of a rate; the tables show it as a percentage.
+RATE_DIGITS = 3
 #: What stands for the training seed in the name that seeds share.
 _ANY_SEED = "-seed*"
 
@@ -161,8 +163,13 @@ def _numbers(line: EpisodeResult, keys: Sequence[str]) -> list[float]:
 
 
 def _verdict(key: str, difference: Interval) -> str:
-    """Whether a paired difference is "better" or "worse" than zero beyond its interval, or a "tie"."""
-    if not (difference.low > 0.0 or difference.high < 0.0):  # NaN, too
+    """Whether a paired difference is "better" or "worse" than zero beyond its interval, or a "tie".
+
+    What the tables show as 0.000 is a tie however narrow its interval is.
+    """
+    digits = next((column.digits for column in COLUMNS if column.key == key), RATE_DIGITS)
+    seen = abs(difference.value) >= 0.5 * 10.0**-digits
+    if not seen or not (difference.low > 0.0 or difference.high < 0.0):  # NaN, too
         return "tie"
     return "better" if (difference.value > 0.0) == (key in MORE_IS_BETTER) else "worse"
 

@@ -1,14 +1,17 @@
 """The command line from the outside: output, files, exit codes, one-line errors."""
 
+import io
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 import lanekeep_baselines
@@ -45,8 +48,34 @@ def test_envs_lists_every_id_with_its_channels():
     assert all(env_id in RUNNER.invoke(app, ["envs"]).output for env_id in lanekeep_env.ENVIRONMENTS)
     found = json.loads(RUNNER.invoke(app, ["envs", "--json"]).stdout)
     assert [entry["id"] for entry in found] == sorted(lanekeep_env.ENVIRONMENTS)
-    channels = {channel["name"]: channel for channel in next(e for e in found if "LaneKeep" in e["id"])["channels"]}
+    lane_keep = next(entry for entry in found if "LaneKeep" in entry["id"])
+    channels = {channel["name"]: channel for channel in lane_keep["channels"]}
     assert channels["lateral_error"]["unit"] == "m"
+    # Every keyword says what it means.
+    assert all(keyword["meaning"] for entry in found for keyword in entry["keywords"]), found
+    one = RUNNER.invoke(app, ["envs", "LaneKeep-v0"]).output
+    assert "curvature samples in the observation" in one and "yaw_rate" in one and "Circuit" not in one
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_tables_fit_the_terminal_and_never_cut_a_number(finished, width, monkeypatch):
+    """Every number that is shown is one of the summary, and no line is longer than the terminal."""
+    from lanekeep_benchmarks.report import cells, terminal_table
+    from lanekeep_benchmarks.summary import columns_of
+
+    folder, _ = finished
+    summary = json.loads((folder / "summary.json").read_text())
+    monkeypatch.setenv("COLUMNS", str(width))
+    for entry in summary["scenarios"]:
+        console = Console(width=width, record=True, file=io.StringIO())
+        console.print(terminal_table(entry, summary["reference"], width))
+        text = console.export_text()
+        assert max(map(len, text.splitlines())) <= width and "\N{HORIZONTAL ELLIPSIS}\u2502" not in text
+        rows = [cells(row, columns_of(entry["policies"])) for row in entry["policies"]]
+        known = {part for row in rows for cell in row for part in cell}
+        shown = re.findall(r"(?<![\w.\[/])[+-]?\d+\.\d+(?:…[+-]?\d+\.\d+)?(?: [▲▼])?", text.partition("┡")[2])
+        assert shown and all(number.strip() in known for number in shown), set(shown) - known
+        assert len(shown) >= 4 * len(rows)
 
 
 @pytest.fixture(scope="module")
@@ -133,8 +162,8 @@ def test_real_tracks(track, tmp_path, capsys):
     [
         (["bench", "clasical"], ["'clasical'", "did you mean 'classical'"]),
         (["bench", "--policies", "yin-lrq"], ["'yin-lrq'", "did you mean 'yin-lqr'"]),
-        (["bench", "--policies", "pd,pd"], ["'pd,pd'", "different names"]),
-        (["bench", "--policies", ","], ["','", "one or more"]),
+        (["bench", "--policies", "pd,pd"], ["'pd, pd'", "different names"]),
+        (["bench", "--policies", ","], ["''", "one or more"]),
         (["bench", "--policies", ""], ["''", "one or more"]),
         (["bench", "--episodes", "0"], ["--episodes", "0", ">= 1"]),
         (["bench", "--episodes", "-3"], ["--episodes", "-3", ">= 1"]),

@@ -56,8 +56,8 @@ def unbroken(tmp_path_factory):
 
 
 def assert_same_results(folder, unbroken):
-    assert {file.name for file in folder.iterdir()} == {file.name for file in unbroken.iterdir()}
-    for file in unbroken.iterdir():
+    assert {file.name for file in folder.rglob("*.*")} == {file.name for file in unbroken.rglob("*.*")}
+    for file in unbroken.glob("*.*"):
         ours, theirs = (folder / file.name).read_bytes(), file.read_bytes()
         if file.name == EPISODES:
             ours, theirs = sorted(ours.splitlines()), sorted(theirs.splitlines())

@@ -164,7 +164,7 @@ def test_policies_are_told_what_the_suite_says(zoo, tmp_path, monkeypatch):
     told = []
     make = policies.make_policy
     monkeypatch.setattr(
-        "lanekeep_benchmarks.benchmark.make_policy",
+        "lanekeep_benchmarks.policies.make_policy",
         lambda name, scenario: told.append(dict(scenario.sensors)) or make(name, scenario),
     )
     assert bench(tmp_path / "out", "short", "--policies", "pd", "--episodes", "1") == 0
@@ -221,8 +221,8 @@ def test_a_residual_policy_that_corrects_nothing_drives_as_its_base(tmp_path, mo
 
 def test_the_classical_benchmark_imports_no_trainer():
     code = (
-        "import sys, lanekeep_benchmarks.benchmark as b, lanekeep_benchmarks.cli;"
-        "b.make_plan('classical', 'pd,stanley', None, 1, 0);"
+        "import sys, lanekeep_benchmarks.runs as b, lanekeep_benchmarks.cli;"
+        "b.make_plan('classical', ('pd', 'stanley'), None, 1, 0);"
         "print(sorted({'torch', 'stable_baselines3', 'safetensors'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

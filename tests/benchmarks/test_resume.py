@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import lanekeep_env
-from lanekeep_benchmarks import benchmark
+from lanekeep_benchmarks import runs
 from lanekeep_benchmarks.__main__ import main
 from lanekeep_benchmarks.results import EPISODES, ResultFolder
 from lanekeep_benchmarks.run_record import RUN
@@ -58,7 +58,7 @@ def killed(unbroken, tmp_path):
 
 def contents(folder):
     """Every file's bytes, the result lines as a sorted list."""
-    found = {file.name: file.read_bytes() for file in folder.iterdir()}
+    found = {file.name: file.read_bytes() for file in folder.rglob("*.*")}
     return {name: sorted(data.splitlines()) if name == EPISODES else data for name, data in found.items()}
 
 
@@ -105,11 +105,11 @@ def test_torn_anywhere(unbroken, tmp_path):
         folder.mkdir()
         shutil.copy(unbroken / RUN, folder)
         (folder / EPISODES).write_bytes(content[:cut])
-        plan, opened = benchmark.open_run(None, None, None, None, None, out=folder, resume=True)
+        plan, opened = runs.open_run(None, None, None, None, None, out=folder, resume=True)
         assert opened.torn == (cut > 0 and content[cut - 1 : cut] != b"\n")
         assert len(plan.results) == content[:cut].count(b"\n")
         with opened:
-            driven = sum(count for _, count in benchmark.drive(plan, opened))
+            driven = sum(count for _, count in runs.drive(plan, opened))
         assert driven == TOTAL - content[:cut].count(b"\n")
         assert sorted((folder / EPISODES).read_bytes().splitlines()) == sorted(content.splitlines())
         assert len(plan.results) == TOTAL
@@ -327,7 +327,7 @@ def test_a_road_of_ones_own_is_resumed(tmp_path, capsys):
 
 def test_two_processes_never_write_one_folder(killed, capsys):
     pytest.importorskip("fcntl")
-    _, opened = benchmark.open_run(None, None, None, None, None, out=killed, resume=True)
+    _, opened = runs.open_run(None, None, None, None, None, out=killed, resume=True)
     with opened:
         assert "another process is writing there" in refusal(killed, capsys)
         assert main([*BENCH, "--out", str(killed), "--overwrite"]) == 2
@@ -367,7 +367,7 @@ def test_ctrl_c_anywhere_else_is_one_line(capsys, monkeypatch, tmp_path):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(benchmark, "make_plan", interrupt)
+    monkeypatch.setattr(runs, "make_plan", interrupt)
     assert main([*BENCH, "--out", str(tmp_path / "out")]) == 130
     captured = capsys.readouterr()
     assert (captured.out, captured.err) == ("", "lanekeep: interrupted\n")

@@ -10,9 +10,9 @@ import pytest
 
 import lanekeep_benchmarks
 from lanekeep_benchmarks.__main__ import main
-from lanekeep_benchmarks.benchmark import make_plan
 from lanekeep_benchmarks.results import EPISODES
 from lanekeep_benchmarks.run_record import RUN
+from lanekeep_benchmarks.runs import make_plan
 from lanekeep_benchmarks.suites import SUITES, read_suite
 from lanekeep_benchmarks.suites.reader import LARGEST_FILE, LONGEST_LINE
 
@@ -77,7 +77,7 @@ def test_the_example_of_the_readme_is_driven(tmp_path):
     (example,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
     file = tmp_path / "my_suite.toml"
     file.write_text(example)
-    plan = make_plan(str(file), "stanley,yin-lqr-feedforward", None, None, 0)
+    plan = make_plan(str(file), ("stanley", "yin-lqr-feedforward"), None, None, 0)
     assert plan.total == 2 * 2 * plan.suite.episodes
     assert len({*plan.scenario_hash.values()}) == 2
 
@@ -85,12 +85,12 @@ def test_the_example_of_the_readme_is_driven(tmp_path):
 def test_a_file_is_driven_and_resumed_and_a_changed_one_is_refused(mine, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["bench", str(mine), "--out", str(out)]) == 0
-    whole = {file.name: file.read_bytes() for file in out.iterdir()}
+    whole = {file.name: file.read_bytes() for file in out.rglob("*.*")}
     lines = whole[EPISODES].splitlines(keepends=True)
     assert len(lines) == 2 * 2 * 2 and json.loads(whole[RUN])["policies"] == ["pd", "yin-lqr"]
     (out / EPISODES).write_bytes(b"".join(lines[:3]))
     assert main(["bench", "--resume", "--out", str(out)]) == 0
-    again = {file.name: file.read_bytes() for file in out.iterdir()}
+    again = {file.name: file.read_bytes() for file in out.rglob("*.*")}
     assert sorted(again.pop(EPISODES).splitlines()) == sorted(whole.pop(EPISODES).splitlines())
     assert again == whole
     capsys.readouterr()

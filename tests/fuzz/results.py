@@ -31,7 +31,7 @@ from lanekeep_agents.training.run import _Course, _model, _Sitting, run
 from lanekeep_agents.training.settings import TrainingSettings, settings_for
 from lanekeep_agents.vec_env import CarVecEnv
 from lanekeep_baselines.identification import DrivenRun
-from lanekeep_benchmarks import benchmark
+from lanekeep_benchmarks import runs
 from lanekeep_benchmarks.results import EPISODES
 from lanekeep_benchmarks.run_record import RUN
 from lanekeep_benchmarks.suites import SUITES, Suite, SuiteScenario
@@ -61,9 +61,9 @@ TINY: dict[str, Any] = dict(
 
 def benchmark_run(folder: Path) -> Files:
     """The files of a run that is half done."""
-    plan, opened = benchmark.open_run("fuzzed", "pd,yin-lqr", None, None, None, out=folder)
+    plan, opened = runs.open_run("fuzzed", ("pd", "yin-lqr"), None, None, None, out=folder)
     with opened:
-        for _ in benchmark.drive(plan, opened):
+        for _ in runs.drive(plan, opened):
             pass
     lines = (folder / EPISODES).read_bytes().splitlines(keepends=True)
     return {RUN: (folder / RUN).read_bytes(), EPISODES: b"".join(lines[:7]) + lines[7][:40]}
@@ -83,18 +83,18 @@ def recording(folder: Path) -> Files:
     return {"run.npz": (folder / "run.npz").read_bytes()}
 
 
-_make_plan = cache(benchmark.make_plan)
+_make_plan = cache(runs.make_plan)
 
 
-def _planned(*options: Any) -> benchmark.Plan:
+def _planned(*options: Any) -> runs.Plan:
     """What the options plan; planned once, since that takes longer than all the rest."""
     return replace(_make_plan(*options), results=[])
 
 
 def resume_benchmark(folder: Path) -> None:
     """What `lanekeep bench --resume` does before it drives; the run must have all of its lines then."""
-    with mock.patch.object(benchmark, "make_plan", _planned):
-        plan, opened = benchmark.open_run(None, None, None, None, None, out=folder, resume=True)
+    with mock.patch.object(runs, "make_plan", _planned):
+        plan, opened = runs.open_run(None, None, None, None, None, out=folder, resume=True)
     with opened:
         lines = [json.loads(line) for line in (folder / EPISODES).read_bytes().split(b"\n") if line]
     assert len(lines) == len(plan.results) == len({result.place for result in plan.results}) <= plan.total

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 import lanekeep_env
 from lanekeep_benchmarks import plots
@@ -20,12 +23,14 @@ from lanekeep_benchmarks.evaluate import (
     record,
 )
 from lanekeep_benchmarks.made import make_definitions, policies_of
-from lanekeep_benchmarks.policies import FILE, check_policy, make_policy, policy_digest
+from lanekeep_benchmarks.own_code import is_code
+from lanekeep_benchmarks.policies import FILE, Entry, entry_of
 from lanekeep_benchmarks.report import markdown
 from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder, default_folder
 from lanekeep_benchmarks.run_record import MOST_EPISODES, RunRecord, code_hash
 from lanekeep_benchmarks.suites import ENDING, Suite, find_suite, road_suite
 from lanekeep_benchmarks.summary import rows_of, summarise
+from lanekeep_benchmarks.traces import Trace, file_name
 from lanekeep_env.checks import require, shown, shown_path
 from lanekeep_env.scenario import RoadScenario
 
@@ -35,11 +40,12 @@ class Plan:
     """What a run does; ``results`` fill while it drives."""
 
     suite: Suite
-    policies: list[str]
+    entries: dict[str, Entry]
     episodes: int
     seed: int
     road: Path | None
     suite_file: str | None = None
+    trace: bool = False
     scenario_hash: dict[str, str] = field(default_factory=dict)
     policy_sha256: dict[str, str] = field(default_factory=dict)
     metrics: dict[str, list[str]] = field(default_factory=dict)
@@ -50,8 +56,13 @@ class Plan:
         """Return the policy designed for that definition; policies are pure, so one serves the whole run."""
         key = name, definition.hash
         if key not in self._made:
-            self._made[key] = make_policy(name, definition)
+            self._made[key] = self.entries[name].make(definition)
         return self._made[key]
+
+    @property
+    def policies(self) -> list[str]:
+        """Names of the policies, the reference first."""
+        return list(self.entries)
 
     @property
     def total(self) -> int:
@@ -73,12 +84,13 @@ class Plan:
             policy_sha256=self.policy_sha256,
             metrics=self.metrics,
             suite_file=self.suite_file,
+            trace=self.trace,
         )
 
 
 def open_run(
-    suite: str | None,
-    policies: str | None,
+    suite: str | Suite | None,
+    policies: Sequence[Any] | None,
     road: Path | None,
     episodes: int | None,
     seed: int | None,
@@ -86,6 +98,7 @@ def open_run(
     out: Path | None,
     overwrite: bool = False,
     resume: bool = False,
+    trace: bool = False,
 ) -> tuple[Plan, ResultFolder]:
     """Read the options and open the folder; what a resumed run has driven already is in the plan's results.
 
@@ -99,21 +112,38 @@ def open_run(
     if resume and out is not None and (found := RunRecord.read(out)) is not None:
         if suite is None and road is None:
             suite, road = (found.suite_file or found.suite, None) if found.road is None else (None, Path(found.road))
-        policies = ",".join(found.policies) if policies is None else policies
+        policies = _named_in(found) if policies is None else policies
         episodes = found.episodes if episodes is None else episodes
         seed = found.seed if seed is None else seed
+        trace = trace or found.trace
     elif resume and suite is None and road is None and policies is None:
         raise ValueError(
             f"--out {out} holds no run to resume; name its folder, or a SUITE or --road to start one there"
         )
     plan = make_plan(suite, policies, road, episodes, 0 if seed is None else seed)
+    plan.trace = trace
     folder = ResultFolder(out or default_folder(plan.suite.name), plan.record, overwrite, resume)
     plan.results += folder.earlier
     return plan, folder
 
 
-def make_plan(suite: str | None, policies: str | None, road: Path | None, episodes: int | None, seed: int) -> Plan:
+def _named_in(record: RunRecord) -> tuple[str, ...]:
+    """The policies of a run to complete; what it calls code is not run because a file says so."""
+    code = [name for name in record.policies if is_code(name) and not name.endswith(FILE)]
+    if code:
+        raise ValueError(
+            f"{', '.join(code)} of that run is code of your own, which is run only where you name it: "
+            f"--policies {','.join(record.policies)}"
+        )
+    return tuple(record.policies)
+
+
+def make_plan(
+    suite: str | Suite | None, policies: Sequence[Any] | None, road: Path | None, episodes: int | None, seed: int
+) -> Plan:
     """Read the options; build everything once, so that nothing is driven before all of it is known to work.
+
+    ``policies``: what `entry_of` takes; None for the suite's own.
 
     Raises:
         ValueError, OSError: unknown suite or policy, a scenario that cannot be made, a policy that cannot drive one, or
@@ -123,12 +153,21 @@ def make_plan(suite: str | None, policies: str | None, road: Path | None, episod
     require("--seed", seed, "", at_least=0, whole=True)
     if suite is not None and road is not None:
         raise ValueError(f"suite {shown(suite)} and --road {road} exclude each other; give one of them")
-    chosen = find_suite(suite or "classical") if road is None else road_suite(road)
-    file = suite if suite is not None and suite.endswith(ENDING) else None
+    if isinstance(suite, Suite):
+        chosen = suite
+    else:
+        chosen = find_suite(suite or "classical") if road is None else road_suite(road)
+    file = suite if isinstance(suite, str) and suite.endswith(ENDING) else None
     where = f"suite {shown_path(file or chosen.name)}"
     definitions = make_definitions(chosen, where)
-    names = policies_of(chosen, definitions.values(), where) if policies is None else policy_names(policies)
-    plan = Plan(chosen, names, episodes or chosen.episodes, seed, road, file)
+    if policies is None:
+        entries = [entry_of(name, code=False) for name in policies_of(chosen, definitions.values(), where)]
+    else:
+        entries = [entry_of(given) for given in policies]
+    names = [entry.name for entry in entries]
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"policies {shown(', '.join(names))} are not allowed: one or more with different names")
+    plan = Plan(chosen, dict(zip(names, entries, strict=True)), episodes or chosen.episodes, seed, road, file)
     if plan.total > MOST_EPISODES:
         raise ValueError(
             f"--episodes {plan.episodes} is not allowed: over {len(chosen.scenarios)} scenarios and {len(names)} "
@@ -143,27 +182,19 @@ def make_plan(suite: str | None, policies: str | None, road: Path | None, episod
                 plan.policy(name, scenario.policies_scenario(definition))
             except (ValueError, ImportError) as error:
                 raise ValueError(f"{name} cannot drive {scenario.name} of {chosen.name}: {error}") from error
-    digests = {name: policy_digest(name) for name in names}
-    plan.policy_sha256 |= {name: digest for name, digest in digests.items() if digest is not None}
+    plan.policy_sha256 |= {entry.name: entry.sha256 for entry in entries if entry.sha256 is not None}
     return plan
-
-
-def policy_names(text: str) -> list[str]:
-    """Split a comma-separated list of names and files.
-
-    Raises:
-        ValueError: an unknown or a repeated name, or none.
-    """
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    for name in names:
-        check_policy(name)
-    if not names or len(set(names)) < len(names):
-        raise ValueError(f"--policies {shown(text)} is not allowed: one or more different names or {FILE} files")
-    return names
 
 
 def drive(plan: Plan, folder: ResultFolder) -> Iterator[tuple[str, int]]:
     """Drive what has no result yet, each line on disk as its chunk ends; yield (what was driven, how many)."""
+
+    def keep(trace: Trace, scenario: str, policy: str, episodes: NDArray[np.int64], failed: NDArray[np.bool_]) -> None:
+        kept = np.ones_like(failed) if plan.trace else failed
+        if kept.any():
+            name = file_name(scenario, policy, int(episodes[0]))
+            folder.write(name, trace.parquet(scenario, policy, episodes, kept))
+
     batches = evaluate(
         plan.suite,
         plan.policies,
@@ -171,6 +202,7 @@ def drive(plan: Plan, folder: ResultFolder) -> Iterator[tuple[str, int]]:
         episodes=plan.episodes,
         seed=plan.seed,
         done={result.place for result in plan.results},
+        keep_trace=keep,
     )
     for batch in batches:
         folder.append(batch)

@@ -1,0 +1,99 @@
+"""`lanekeep play`: an episode to look at, a fresh one or one of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import lanekeep_env
+from lanekeep_benchmarks.endings import input_errors, interruptible
+from lanekeep_benchmarks.policies import FILE, Entry, entry_of
+from lanekeep_env.checks import choose
+from lanekeep_env.roads import road_from
+from lanekeep_env.walls import world_from
+
+POLICY = "Name of a policy, a learned one's .json file, or your own code: module:factory, file.py:factory"
+
+
+def play_command(
+    env_id: Annotated[str, typer.Argument(metavar="ENV", help="A registered id.")] = "lanekeep/LaneKeep-v0",
+    policy: Annotated[str | None, typer.Option(help=f"{POLICY}; default: one that suits ENV.")] = None,
+    gif: Annotated[Path | None, typer.Option(help="File for the pictures; by default one in results/.")] = None,
+    human: Annotated[bool, typer.Option("--human", help="Show a window instead of writing a GIF.")] = False,
+    road: Annotated[str | None, typer.Option(help="Name of a road or a CSV file.")] = None,
+    world: Annotated[str | None, typer.Option(help="Name of a walled world or a map's YAML file.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the episode.")] = 0,
+    seconds: Annotated[float | None, typer.Option(min=0.1, help="Length at the most; default: 15.")] = None,
+    run: Annotated[Path | None, typer.Option(help="Results folder, of which one episode is driven again.")] = None,
+    episode: Annotated[int | None, typer.Option(min=0, help="Its number in the run.")] = None,
+    scenario: Annotated[str | None, typer.Option(help="Its scenario, where the run has several.")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Write over an existing GIF.")] = False,
+) -> None:
+    """Play one episode with a controller, as a GIF or in a window.
+
+    Example: lanekeep play lanekeep/RoadWorks-v0 --policy stanley --gif works.gif
+
+    Example: lanekeep play --run results/my_run --scenario nominal --policy stanley --episode 17
+    """
+    from lanekeep_benchmarks import play as playing
+    from lanekeep_benchmarks.replay import find_line
+
+    with interruptible(""), input_errors():
+        if human and gif is not None:
+            raise ValueError("--human and --gif exclude each other")
+        if (run is None) != (episode is None):
+            raise ValueError("--run and --episode go together: a results folder, and the number of an episode in it")
+        if run is not None and episode is not None:
+            if road is not None or world is not None:
+                raise ValueError("--run drives the roads and worlds of that run; leave --road and --world out")
+            found = find_line(run, episode, scenario, policy)
+            drive = playing.Drive.of_line(found)
+            name = f"{found.line.scenario}-{_in_a_path(found.policy.name)}-episode{episode}"
+        else:
+            drive = _fresh(env_id, policy, road, world, seed)
+            place = "".join(f"-{Path(given).stem}" for given in (road, world) if given is not None)
+            name = f"{drive.env_id.rpartition('/')[2]}{place}-{_in_a_path(drive.policy.name)}-seed{seed}"
+        file = gif or Path("results") / f"{name}.gif"
+        if file.suffix.lower() != ".gif":
+            raise ValueError(f"--gif {file} must end in .gif")
+        if not human and file.exists() and not overwrite:
+            raise ValueError(f"{file} exists; give another --gif or --overwrite")
+        frames: list[Any] = []
+        driven = playing.play(drive, seconds, None if human else frames.append)
+        if not human:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            playing.write_gif(file, frames, driven.seconds)
+    on_road = playing.place_of(drive.env_id) == "road"
+    left, kept = ("left its lane", "stayed in its lane") if on_road else ("touched a wall", "touched none")
+    end = left if driven.departed else kept
+    if driven.lap_time > 0.0:
+        end += f", lap time {driven.lap_time:.2f} s"
+    print(
+        f"{drive.policy.name} drove {driven.seconds:.1f} s, RMS lateral error {driven.rms_lateral_error:.3f} m, "
+        f"peak {driven.peak_lateral_error:.3f} m, and {end}" + ("" if human else f"; pictures: {file}")
+    )
+
+
+def _fresh(env_id: str, policy: str | None, road: str | None, world: str | None, seed: int) -> Any:
+    """Return the drive of an episode of an environment, on a road or in a world of the user's choice."""
+    from lanekeep_benchmarks import play as playing
+
+    if "/" not in env_id:
+        env_id = f"lanekeep/{env_id}"
+    choose("ENV", env_id, lanekeep_env.ENVIRONMENTS)
+    entry: Entry | None = None if policy is None else entry_of(policy)
+    where = playing.place_of(env_id)
+    for option, given in (("road", road), ("world", world)):
+        if given is not None and option != where:
+            raise ValueError(f"--{option} is not for {env_id}; allowed: --{where}")
+    keywords: dict[str, Any] = {} if road is None else {"road": road_from(road)}
+    if world is not None:
+        keywords["world"] = world_from(world)
+    return playing.Drive.fresh(env_id, entry or entry_of(playing.preferred(env_id, **keywords)), seed, keywords)
+
+
+def _in_a_path(policy: str) -> str:
+    """A policy's name as part of that of a file."""
+    return Path(policy).name.removesuffix(FILE).replace(":", "-")

@@ -1,0 +1,78 @@
+"""A result line driven again: the same environment, episode and policy, so the same steps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+
+from lanekeep_benchmarks.evaluate import EpisodeResult
+from lanekeep_benchmarks.policies import Entry, entry_of
+from lanekeep_benchmarks.results import EPISODES, LARGEST_LINES, read_lines
+from lanekeep_benchmarks.run_record import RUN, RunRecord
+from lanekeep_benchmarks.suites import SuiteScenario, find_suite, road_suite
+from lanekeep_env.checks import choose, shown, shown_path
+from lanekeep_env.files import read_bounded
+
+
+class Replay(NamedTuple):
+    """What a result line was driven in and by."""
+
+    line: EpisodeResult
+    scenario: SuiteScenario
+    policy: Entry
+
+    def make(self, render_mode: str | None) -> gym.Env:
+        """Return the environment with one car."""
+        keywords = dict(self.scenario.keywords)
+        if self.scenario.max_episode_steps is not None:
+            keywords["max_episode_steps"] = self.scenario.max_episode_steps
+        return gym.make(self.scenario.env_id, render_mode=render_mode, **keywords)
+
+    def policys_scenario(self, definition: Any) -> Any:
+        """Return what the policy is made for."""
+        return self.scenario.policies_scenario(definition)
+
+
+def find_line(folder: Path, episode: int, scenario: str | None, policy: str | None) -> Replay:
+    """Find a result line and what it takes to drive it again.
+
+    Args:
+        folder: of the run.
+        episode: its number.
+        scenario: None where the run has one.
+        policy: as the run names it, None where the run has one; code is imported because it is named here.
+
+    Raises:
+        ValueError, OSError: there is no such line, or the run was made by another version or with other files.
+    """
+    record = RunRecord.read(folder)
+    if record is None:
+        raise ValueError(f"--run {shown_path(folder)} holds no run: {RUN} is missing")
+    suite = find_suite(record.suite_file or record.suite) if record.road is None else road_suite(Path(record.road))
+    scenarios = {one.name: one for one in suite.scenarios}
+    name = _only("--scenario", scenario, list(scenarios))
+    label = _only("--policy", policy, list(record.policies))
+    content = read_bounded(folder / EPISODES, LARGEST_LINES)
+    for _, line in read_lines(content):
+        if (line.scenario, line.policy, line.episode) == (name, label, episode):
+            break
+    else:
+        raise ValueError(
+            f"--episode {episode} is not in {shown_path(folder)}: no line of {name}, {shown(label)} with that number; "
+            f"allowed: 0 to {record.episodes - 1}"
+        )
+    entry = entry_of(label, code=policy is not None)
+    if record.policy_sha256.get(label) != entry.sha256:
+        raise ValueError(f"policy {shown(label)} is not the one of the run: its file has changed")
+    return Replay(line, scenarios[name], entry)
+
+
+def _only(option: str, given: str | None, allowed: list[str]) -> str:
+    """The value given, or the only one that there is."""
+    if given is None and len(allowed) > 1:
+        raise ValueError(f"{option} is missing; the run has {', '.join(allowed)}")
+    value = allowed[0] if given is None else given
+    choose(option, value, allowed)
+    return value
