@@ -111,7 +111,8 @@ def _closed_up(road: Road, name: str, closed: bool | None) -> Road:
     if not (near if closed is None else closed):
         return road
     try:
-        return replace(close(replace(road, closed=True)), fit_error=gap)
+        # Of few segments a loop has too little to give.
+        return replace(close(replace(road.refined(road.length / 16), closed=True)), fit_error=gap)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
 

@@ -26,6 +26,8 @@ _DOUBT, _DOUBT_SHARE = 5e-4, 0.1
 _CLEAN, _CLEAN_SHARE = 3e-5, 0.01
 #: Scatter of rounded coordinates, as a share of the points' distance: smoothed without a warning.
 _ROUNDING = 1e-3
+#: Smoothing beyond the scatter by oneself, m.
+_SMOOTHER = 0.02
 _UNITS = "are they in m? Name the columns with their unit (x_km,y_km or x_mm,y_mm), or lat,lon"
 
 
@@ -55,12 +57,15 @@ def fit_centre_line(name: str, points: Floats, closed: bool, smoothing: float | 
             told += ("long chords between short ones are straight",)
         road = through(name, fuller, closed)
     else:
-        found = smoothed(name, line, closed, scatter, sharpest)
-        road = found.road
+        found, off = smoothed(name, line, closed, scatter, scatter, sharpest), scatter
+        # Dense points may be smoothed a little more than they scatter: that costs millimetres, and halves the doubt.
+        while smoothing is None and found.doubt > _allowed(found.road) and 2.0 * off <= _SMOOTHER:
+            off *= 2.0
+            found = smoothed(name, line, closed, scatter, off, sharpest)
         cost = _cost(scatter, found.shortest, found.doubt)
         if smoothing is None:
             _judge(found, scatter, cost, loud=scatter > _ROUNDING * spacing)
-        told += (cost,)
+        road, told = found.road, (*told, cost)
     with np.errstate(all="ignore"):
         begin = np.concatenate([[0.0], np.cumsum(chord)])[: len(line)]
         along, off = _nearest(road, line, begin * road.length / chord.sum())
@@ -120,11 +125,15 @@ def _cost(scatter: float, shortest: float, doubt: float) -> str:
     )
 
 
+def _allowed(road: Road) -> float:
+    """Curvature that may stay unknown, 1/m."""
+    bend = float(np.sqrt(np.average((0.5 * (road.curvature_start + road.curvature_end)) ** 2, weights=road.lengths)))
+    return max(_DOUBT, _DOUBT_SHARE * bend)
+
+
 def _judge(found: Smoothed, scatter: float, cost: str, loud: bool) -> None:
     """Refuse to smooth by oneself where the curvature stays unknown; otherwise say what it costs if it is ``loud``."""
-    road = found.road
-    bend = float(np.sqrt(np.average((0.5 * (road.curvature_start + road.curvature_end)) ** 2, weights=road.lengths)))
-    allowed = max(_DOUBT, _DOUBT_SHARE * bend)
+    allowed = _allowed(found.road)
     if found.doubt > allowed:
         raise ValueError(
             f"the points scatter by about {scatter:.2g} m, which leaves the curvature unknown to {found.doubt:.2g} "
@@ -132,7 +141,7 @@ def _judge(found: Smoothed, scatter: float, cost: str, loud: bool) -> None:
             f"standard deviation): changes of curvature within {found.shortest:.0f} m are then flattened"
         )
     if loud:
-        warnings.warn(f"road {road.name!r}: {cost}; smoothing= says how far points scatter", stacklevel=2)
+        warnings.warn(f"road {found.road.name!r}: {cost}; smoothing= says how far points scatter", stacklevel=2)
 
 
 def _nearest(road: Road, points: Floats, along: Floats) -> tuple[Floats, Floats]:

@@ -42,7 +42,7 @@ class Smoothed:
     doubt: float
 
 
-def smoothed(name: str, points: Floats, closed: bool, scatter: float, sharpest: float) -> Smoothed:
+def smoothed(name: str, points: Floats, closed: bool, scatter: float, off: float, sharpest: float) -> Smoothed:
     """Return the road through ``points`` (n, 2), m, that scatter; ValueError where they make no road.
 
     Args:
@@ -50,6 +50,7 @@ def smoothed(name: str, points: Floats, closed: bool, scatter: float, sharpest: 
         points: m, (n, 2).
         closed: whether the last point leads back to the first.
         scatter: standard deviation of the points in each direction, m.
+        off: by how much the road may leave them, likewise, m; more than they scatter makes it smoother than it was.
         sharpest: curvature that is hardly exceeded, 1/m; segments are so short that they follow it.
     """
     line = points if closed else _with_margins(points, min(_END, 1.0 / max(sharpest, 1e-9)))
@@ -62,7 +63,7 @@ def smoothed(name: str, points: Floats, closed: bool, scatter: float, sharpest: 
     with np.errstate(all="ignore"):
         samples, inside, step = _resampled(line, station, closed, float(here[0]), float(end))
         at = np.round((here - here[0]) / step).astype(np.intp) + inside.start
-        curve, cutoff = _filtered(samples, step, closed, inside, np.minimum(at, len(samples) - 1), scatter)
+        curve, cutoff = _filtered(samples, step, closed, inside, np.minimum(at, len(samples) - 1), off)
         road = _checked(_cut(name, curve, closed, min(SEGMENT, _TURN / max(sharpest, 1e-9))))
         if closed:
             road = close(road)
@@ -150,11 +151,11 @@ class _Curve:
 
 
 def _filtered(
-    samples: Floats, step: float, closed: bool, inside: slice, at: NDArray[np.intp], scatter: float
+    samples: Floats, step: float, closed: bool, inside: slice, at: NDArray[np.intp], most: float
 ) -> tuple[_Curve, float]:
     """Smooth samples ``step`` m apart; return the curve ``inside``, and the filter's cutoff.
 
-    The samples ``at`` the given points are off by ``scatter`` on average afterwards. The cutoff, rad/m, is where a wave
+    The samples ``at`` the given points are off by ``most`` on average afterwards. The cutoff, rad/m, is where a wave
     is halved.
     """
     n = len(samples)
@@ -175,9 +176,7 @@ def _filtered(
     for _ in range(24):
         middle = 0.5 * (low + high)
         off = (filtered(10.0**middle) - wave)[at]
-        low, high = (
-            (middle, high) if np.sqrt(0.5 * np.mean(off[:, 0] ** 2 + off[:, 1] ** 2)) < scatter else (low, middle)
-        )
+        low, high = (middle, high) if np.sqrt(0.5 * np.mean(off[:, 0] ** 2 + off[:, 1] ** 2)) < most else (low, middle)
     strength = 10.0**low
     position = filtered(strength) + trend
     first, second = filtered(strength, 1) + rise, filtered(strength, 2)
@@ -218,7 +217,10 @@ def close(road: Road) -> Road:
         arm = points[-1] - 0.5 * (points[1:] + points[:-1])
         effect = road.lengths * np.stack([np.ones(len(arm)), -arm[:, 1], arm[:, 0]])
         weighted = effect / road.lengths
-        change = weighted.T @ np.linalg.solve(effect @ weighted.T, np.array([excess, *gap]))
+        try:
+            change = weighted.T @ np.linalg.solve(effect @ weighted.T, np.array([excess, *gap]))
+        except np.linalg.LinAlgError:
+            break
         road = _checked(
             replace(road, curvature_start=road.curvature_start + change, curvature_end=road.curvature_end + change)
         )

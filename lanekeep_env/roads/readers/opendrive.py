@@ -36,7 +36,7 @@ def read_opendrive(content: bytes, name: str, choice: Choice) -> Drawing:
     links, told = chain(root, roads, choice.track, name)
     lane = choice.lane or 0
     pieces = [_Piece(roads[one], f"{name}: road {shown(one)}") for one, _ in links]
-    notes = [told, *(note for piece in pieces for note in piece.notes)]
+    notes = [told, *dict.fromkeys(note for piece in pieces for note in piece.notes)]
     if lane == 0:
         road = _joined(
             name,
@@ -114,26 +114,33 @@ def _cubic(shape: Element, length: float, name: str) -> tuple[Floats, Floats, Fl
     if shape.tag == "poly3":
         u = np.array([0.0, 1.0, 0.0, 0.0])
         v = np.array([number(shape, key, name) for key in "abcd"])
-        last, reach = length, 1.0
+        fine = np.linspace(0.0, length, 20 * 8 + 1)
+        last = float(np.interp(length, _way(u, v, fine), fine))  # its u ends where its arc length does
     else:
         u = np.array([number(shape, f"{key}U", name) for key in "abcd"])
         v = np.array([number(shape, f"{key}V", name) for key in "abcd"])
         last = 1.0 if shape.get("pRange", "normalized") == "normalized" else length
-        reach = last
     count = max(8, min(20_000, int(np.ceil(length / _STEP))))
     fine = np.linspace(0.0, last, 20 * count + 1)
-    du, dv = (np.polyval([3 * c[3], 2 * c[2], c[1]], fine) for c in (u, v))
+    du, dv = _slopes(u, v, fine)
     pace = np.hypot(du, dv)
-    if not pace.min() > 1e-9 * max(1.0, length / reach):
+    if not pace.min() > 1e-9 * length / last:
         raise ValueError(f"{name}: <{shape.tag}> stands still or turns back")
-    station = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(fine))])
-    if shape.tag == "poly3" and station[-1] > length:  # its u ends where its arc length does
-        keep = max(2, int(np.searchsorted(station, length)) + 1)
-        fine, du, dv, pace, station = fine[:keep], du[:keep], dv[:keep], pace[:keep], station[:keep]
     bend = (du * np.polyval([6 * v[3], 2 * v[2]], fine) - dv * np.polyval([6 * u[3], 2 * u[2]], fine)) / pace**3
     heading = np.unwrap(np.arctan2(dv, du))
-    at = np.unique(np.round(np.linspace(0, len(fine) - 1, count + 1)).astype(np.intp))
-    return curve_segments(station[at], bend[at], heading[at])
+    at = np.arange(0, len(fine), 20)
+    return curve_segments(_way(u, v, fine)[at], bend[at], heading[at])
+
+
+def _slopes(u: Floats, v: Floats, at: Floats) -> tuple[Floats, Floats]:
+    du, dv = (np.polyval([3 * c[3], 2 * c[2], c[1]], at) for c in (u, v))
+    return du, dv
+
+
+def _way(u: Floats, v: Floats, at: Floats) -> Floats:
+    """Arc length along a cubic, by the trapezoidal rule."""
+    pace = np.hypot(*_slopes(u, v, at))
+    return np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(at))])
 
 
 def _reversed(road: Road) -> Road:

@@ -27,6 +27,7 @@ _MANNERS: tuple[tuple[str | None, str], ...] = (
     ("\t", "."),
     ("\t", ","),
     (",", "."),
+    (",", ","),  # in quotes
     (None, "."),
     (None, ","),
 )
