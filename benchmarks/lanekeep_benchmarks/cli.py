@@ -81,7 +81,7 @@ def envs(as_json: Json = False) -> None:
         found.append(
             {
                 "id": env_id,
-                "max_episode_steps": gym.registry[env_id].max_episode_steps,
+                "max_episode_steps": env.unwrapped.scenario.episode_steps,  # type: ignore[attr-defined]
                 "action_space": str(env.action_space),
                 "observation_space": str(env.observation_space.shape),
                 "channels": [

@@ -14,7 +14,16 @@ from lanekeep_env.roads.manoeuvres import EvasiveRoads, ParkingPaths
 from lanekeep_env.roads.road import Road
 from lanekeep_env.roads.sets import road_set
 from lanekeep_env.roads.specs import ROADS, RoadFile, RoadSpec, build_roads, road_from
-from lanekeep_env.roads.speed import ConstantSpeed, LimitedSpeed, SetSpeeds, SpeedSpec, set_speeds_from, speed_from
+from lanekeep_env.roads.speed import (
+    ConstantSpeed,
+    FileSpeed,
+    LimitedSpeed,
+    SetSpeeds,
+    SpeedSpec,
+    lap_time,
+    set_speeds_from,
+    speed_from,
+)
 from lanekeep_env.roads.yards import TurnOffRoads, YardRoads
 
 __all__ = [
@@ -22,6 +31,7 @@ __all__ = [
     "CircleRoad",
     "ConstantSpeed",
     "EvasiveRoads",
+    "FileSpeed",
     "LimitedSpeed",
     "ParkingPaths",
     "RandomRoads",
@@ -38,6 +48,7 @@ __all__ = [
     "YardRoads",
     "YinRoad",
     "build_roads",
+    "lap_time",
     "read_road",
     "road_from",
     "road_set",

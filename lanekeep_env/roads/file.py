@@ -19,6 +19,8 @@ WIDEST_SPACING = 200.0
 LARGEST_FILE = 64 << 20
 #: Largest coordinate, m: more than any map projection has.
 FARTHEST = 1e8
+#: How near end and start of given curvature must be to make a loop: as a share of the length, and in turns.
+_NEAR, _ROUND = 0.01, 0.02
 
 
 def read_road(
@@ -107,14 +109,20 @@ def _closed_up(road: Road, name: str, closed: bool | None) -> Road:
     """A road of given curvature as a loop, where its end is near its start."""
     gap = float(np.hypot(*(road.points[-1] - road.points[0])))
     turn = (road.headings[-1] - road.headings[0]) / (2.0 * np.pi)
-    near = gap < 0.01 * road.length and abs(turn - round(turn)) < 0.02
+    near = gap < _NEAR * road.length and abs(turn - round(turn)) < _ROUND
     if not (near if closed is None else closed):
         return road
+    if not near:
+        raise ValueError(
+            f"{name}: closed=True is not allowed: the end is {gap:.3g} m and {abs(turn - round(turn)):.2g} turns away "
+            f"from the start; allowed are {_NEAR:.0%} of the length and {_ROUND} turns"
+        )
     try:
         # Of few segments a loop has too little to give.
-        return replace(close(replace(road.refined(road.length / 16), closed=True)), fit_error=gap)
+        loop = close(replace(road.refined(road.length / 16), closed=True))
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
+    return replace(loop, assumed=(*loop.assumed, f"a gap of {gap:.2g} m at its end bent away"))
 
 
 def _checked(drawing: Drawing, name: str) -> Floats:

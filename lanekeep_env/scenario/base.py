@@ -79,6 +79,7 @@ class ScenarioRecord:
     def __post_init__(self) -> None:
         for name, read in self._readers.items():
             object.__setattr__(self, name, read(getattr(self, name)))
+        self._settle()
         self._check()
         plain_numbers(self)
         measured = [channel.name for channel in self._channels() if channel.sensor is not None]
@@ -91,6 +92,9 @@ class ScenarioRecord:
     def integration(self) -> Integration:
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
         raise NotImplementedError
+
+    def _settle(self) -> None:
+        """Put numbers in the place of words that stand for them."""
 
     def _check(self) -> None:
         raise NotImplementedError

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require
-from lanekeep_env.roads import RandomRoads, RoadSpec, road_from
+from lanekeep_env.roads import RandomRoads, RoadSpec, road_from, road_set
 from lanekeep_env.scenario.car import DEPARTURES, CarScenario
 from lanekeep_env.scenario.integration import Integration, rolling, slipping
 
@@ -58,11 +58,19 @@ class RoadScenario(CarScenario):
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
         if self.model.slips:
             return slipping(self.vehicle, self.randomisation, self.base_step, self._slowest, self._fastest)
-        return rolling(self.vehicle, self.base_step, self._fastest, self.largest_angle)
+        try:
+            return rolling(self.vehicle, self.base_step, self._fastest, self.largest_angle)
+        except ValueError:  # which a road on which no car gets so fast does not take
+            return rolling(self.vehicle, self.base_step, min(self._fastest, self._fastest_here()), self.largest_angle)
 
     def _slowest(self) -> float:
         """Lowest speed that an episode can have, m/s; builds the roads."""
         return 0.0
+
+    def _fastest_here(self) -> float:
+        """Largest speed on any of the roads, m/s; builds them."""
+        profiles = [speeds for _, speeds in road_set(self.road, self.speed)]
+        return max(float(speeds.max()) for speeds in profiles) * self.randomisation.speed[1]
 
     @property
     def _fastest(self) -> float:

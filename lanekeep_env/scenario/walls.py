@@ -28,6 +28,8 @@ from lanekeep_env.walls.generators import range_of
 
 #: Largest angle of the road wheel, whatever it is told, rad.
 LARGEST_ANGLE = 1.5
+#: Share of the largest speed at which there is time for a lap.
+_LAP_PACE = 0.25
 
 
 def _offset(value: Any) -> tuple[float, float]:
@@ -290,6 +292,13 @@ class CircuitScenario(WallFollowScenario):
         require("max_acceleration", self.max_acceleration, "m/s²", at_least=1e-3, at_most=1e3)
         require("laps", self.laps, "", at_least=1, at_most=1_000_000, whole=True)
         super()._check()
+
+    def _lap(self) -> float:
+        """All laps at a quarter of the largest speed."""
+        lengths = [one.length for one in self.world.build() if one.centre_line is not None]
+        if not lengths:
+            return super()._lap()
+        return self.laps * max(lengths) / (_LAP_PACE * self.max_speed)
 
     @property
     def num_actions(self) -> int:

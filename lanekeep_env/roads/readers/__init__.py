@@ -26,6 +26,8 @@ READERS: dict[str, Reader] = {
     ".xodr": read_opendrive,
     ".xml": read_commonroad,
 }
+#: Most bytes of a file that is no table: as many points take longer to read from it.
+LARGEST_MARKUP = 16 << 20
 #: Those that hold several lines.
 _CHOOSING = (".geojson", ".json", ".gpx", ".kml", ".xodr", ".xml")
 
@@ -46,4 +48,6 @@ def read_drawing(path: str | Path, content: bytes, choice: Choice, name: str) ->
         raise ValueError(f"{name}: track={shown(choice.track)} has no effect: such a file holds one line")
     if choice.lane is not None and suffix != ".xodr":
         raise ValueError(f"{name}: lane={shown(choice.lane)} has no effect: only .xodr has lanes")
+    if suffix in _CHOOSING and len(content) > LARGEST_MARKUP:
+        raise ValueError(f"{name} has {len(content)} bytes; allowed are {LARGEST_MARKUP}")
     return READERS[suffix](content, name, choice)
