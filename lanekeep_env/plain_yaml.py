@@ -46,7 +46,7 @@ def parse_yaml(content: bytes, most: int, holds: str, extra: str) -> Any:
             if getattr(event, "anchor", None) is not None or getattr(event, "tag", None) is not None or value == "<<":
                 raise ValueError(f"{line}: anchors, aliases, merge keys and tags are not allowed")
             if count > most or depth > _DEEPEST or len(value) > _LONGEST_VALUE:
-                raise ValueError(f"{line}: it holds more than expected: {holds}")
+                raise ValueError(f"{line}: it holds more than {holds}")
         return yaml.load(text, Loader=Loader)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)

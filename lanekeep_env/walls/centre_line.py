@@ -10,7 +10,7 @@ from lanekeep_env.walls.world import Floats
 #: Most points of a centre line, and of each wall that it is measured against.
 MOST_POINTS = 600
 _MOST_WALL = 4000
-_ROUNDS = 60
+_ROUNDS = 40
 #: The inner wall of a circuit encloses at least this share of what the outer one does.
 _SMALLEST = 0.02
 
@@ -83,8 +83,7 @@ def _spaced(loop: Floats, most: int) -> Floats:
 
 def _nearest(wall: Floats, points: Floats) -> tuple[Floats, Floats]:
     """Vector to, and distance of, the nearest point of a wall."""
-    apart = ((points[:, None, :] - wall[None, :, :]) ** 2).sum(axis=2)
-    to = wall[np.argmin(apart, axis=1)] - points
+    to = wall[np.argmin((wall**2).sum(axis=1) - 2.0 * points @ wall.T, axis=1)] - points
     return to, np.maximum(np.hypot(*to.T), 1e-9)
 
 

@@ -19,7 +19,7 @@ _MOST_EVENTS = 1000
 
 @dataclass(frozen=True)
 class MapSettings:
-    """What a map's YAML file says: picture, cell size (m), pose of the lower left corner (m, m, rad), thresholds, mode."""
+    """What a map's YAML file says: picture, cell size (m), pose of the lower left corner (m, m, rad), limits, mode."""
 
     image: Path
     resolution: float
