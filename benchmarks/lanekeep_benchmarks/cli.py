@@ -17,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 import lanekeep_env
+from lanekeep_benchmarks.check import commands as check
 from lanekeep_benchmarks.endings import Interrupted, disk_errors, input_errors, interruptible, one_line, short
 from lanekeep_benchmarks.policies import FILE, check_policy
 from lanekeep_benchmarks.replications import WORKS
@@ -37,6 +38,8 @@ app = typer.Typer(
 
 app.command()(train)
 app.command()(zoo)
+for name, group in (("road", check.road), ("map", check.map_), ("vehicle", check.vehicle)):
+    app.add_typer(group, name=name)
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 

@@ -38,6 +38,12 @@ _USUAL, _WIDEST, _MARGIN = 0.15, 1.2, 1.5
 #: How much longer a lap takes than the profile of its centre.
 _OUTSIDE = 1.03
 
+
+def steering_range(wheelbase: float, curvature: float) -> float:
+    """Steering angle that action 1 asks for by default, rad: the usual, or more where a curvature (1/m) takes more."""
+    return round(max(_USUAL, min(_MARGIN * math.atan(wheelbase * curvature), _WIDEST)), 3)
+
+
 PREVIEW_INTERVAL = Need(
     "preview_interval",
     "time between preview samples",
@@ -95,8 +101,7 @@ class LaneKeepScenario(RoadScenario):
         super()._settle()
         if self.max_steering_angle is None:
             sharpest = max(road.peak_curvature for road, _ in road_set(self.road, self.speed))
-            asked = min(_MARGIN * math.atan(self.vehicle.wheelbase * sharpest), _WIDEST)
-            object.__setattr__(self, "max_steering_angle", round(max(_USUAL, asked), 3))
+            object.__setattr__(self, "max_steering_angle", steering_range(self.vehicle.wheelbase, sharpest))
 
     def _lap(self) -> float:
         """One pass at the slowest profile; on a closed road a car outside its lane's centre needs longer."""

@@ -39,7 +39,8 @@ class RoadScenario(CarScenario):
         start_course_error: the course at the start is drawn within this angle of the road's, rad.
         lane_width: m; the car departs when its reference point is more than half of it off the centre. "file": twice
             the smallest distance of an edge from the centre line that the road's file gives, and no more than nine
-            tenths of twice the tightest radius, inside which a lane folds over itself.
+            tenths of twice the tightest radius, inside which a lane folds over itself; cars then start within half of
+            that from the centre.
         departure: "terminate" ends the episode, "cost" goes on and charges, "off" ignores departures.
     """
 
@@ -60,7 +61,10 @@ class RoadScenario(CarScenario):
         if isinstance(self.lane_width, str):
             choose("lane_width", self.lane_width, ("file",))
             roads = [road for road, _ in road_set(self.road, self.speed)]
-            object.__setattr__(self, "lane_width", round(2.0 * min(_half_width(road) for road in roads), 6))
+            half = min(_half_width(road) for road in roads)
+            object.__setattr__(self, "lane_width", round(2.0 * half, 6))
+            require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0)
+            object.__setattr__(self, "start_lateral_error", min(self.start_lateral_error, round(half / 2, 6)))
 
     def _check(self) -> None:
         require("lane_width", self.lane_width, "m", at_least=1e-3, at_most=1e3)
