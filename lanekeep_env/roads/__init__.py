@@ -10,6 +10,7 @@ from lanekeep_env.roads.generators import (
     StraightRoad,
     YinRoad,
 )
+from lanekeep_env.roads.given import RoadClothoids, RoadPoints
 from lanekeep_env.roads.manoeuvres import EvasiveRoads, ParkingPaths
 from lanekeep_env.roads.road import Road
 from lanekeep_env.roads.sets import road_set
@@ -36,7 +37,9 @@ __all__ = [
     "ParkingPaths",
     "RandomRoads",
     "Road",
+    "RoadClothoids",
     "RoadFile",
+    "RoadPoints",
     "RoadSpec",
     "RoadWorksRoads",
     "SetSpeeds",

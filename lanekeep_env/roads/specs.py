@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
 from lanekeep_env.checks import from_mapping, nearest, require, shown
 from lanekeep_env.roads.file import make_road, read_content
 from lanekeep_env.roads.generators import (
@@ -20,6 +22,7 @@ from lanekeep_env.roads.generators import (
     StraightRoad,
     YinRoad,
 )
+from lanekeep_env.roads.given import RoadClothoids, RoadPoints
 from lanekeep_env.roads.manoeuvres import EvasiveRoads, ParkingPaths
 from lanekeep_env.roads.readers import TABLES, Choice
 from lanekeep_env.roads.road import Floats, Road
@@ -102,12 +105,16 @@ _RECORDS = (
     EvasiveRoads,
     ParkingPaths,
     RoadFile,
+    RoadPoints,
+    RoadClothoids,
 )
 ROADS: dict[str, type[RoadRecord]] = {record.kind: record for record in _RECORDS}
+#: What kinds of roads cannot do without.
+_NEEDED = {"file": "path", "points": "points", "clothoids": "segments"}
 
 
-def road_from(value: str | Mapping[str, Any] | RoadRecord | Path) -> RoadRecord:
-    """Read a road: the name of a generator, the path of a CSV file, a mapping with ``kind``, or a record.
+def road_from(value: Any) -> RoadRecord:
+    """Read a road: the name of a generator, the path of a file, a mapping with ``kind``, points (n, 2), or a record.
 
     Raises:
         ValueError: unknown name or setting (the nearest valid one is named), or a value out of range.
@@ -118,20 +125,22 @@ def road_from(value: str | Mapping[str, Any] | RoadRecord | Path) -> RoadRecord:
         return RoadFile(str(value))
     if isinstance(value, str):
         value = {"kind": value}
+    if isinstance(value, list | tuple | np.ndarray):
+        return RoadPoints(value)  # type: ignore[arg-type]
     if not isinstance(value, Mapping):
-        raise ValueError(f"road={shown(value)} must be a name, a mapping with 'kind', or the path of a CSV file")
+        raise ValueError(f"road={shown(value)} must be a name, a mapping with 'kind', points (n, 2), or a file's path")
     settings = dict(value)
     kind = settings.pop("kind", None)
     if not isinstance(kind, str) or kind not in ROADS:
         if kind is None:
             raise ValueError(f"road={shown(value)} lacks 'kind'; allowed: {', '.join(ROADS)}")
-        generators = [name for name in ROADS if name != "file"]
+        generators = [name for name in ROADS if name not in _NEEDED]
         raise ValueError(
             f"road={shown(kind)} is unknown{nearest(kind, generators)}; "
-            f"allowed: {', '.join(generators)}, or the path of a CSV file"
+            f"allowed: {', '.join(generators)}, or the path of a file"
         )
-    if kind == "file" and "path" not in settings:
-        raise ValueError("road of kind 'file' needs 'path', the path of a CSV file")
+    if kind in _NEEDED and _NEEDED[kind] not in settings:
+        raise ValueError(f"road of kind {kind!r} needs {_NEEDED[kind]!r}")
     return from_mapping(ROADS[kind], settings, f"road {kind!r}")
 
 
