@@ -30,7 +30,7 @@ def parse_yaml(content: bytes, most: int, holds: str, extra: str) -> Any:
     except UnicodeDecodeError:
         raise ValueError(f"it is not a text file; expected YAML with {holds}") from None
 
-    class Loader(yaml.SafeLoader):
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]
         """PyYAML's takes 5e-2 and 1e+03 for words."""
 
         yaml_implicit_resolvers = {key: list(pairs) for key, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()}  # noqa: RUF012

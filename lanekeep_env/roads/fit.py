@@ -68,8 +68,8 @@ def fit_centre_line(name: str, points: Floats, closed: bool, smoothing: float | 
         road, told = found.road, (*told, cost)
     with np.errstate(all="ignore"):
         begin = np.concatenate([[0.0], np.cumsum(chord)])[: len(line)]
-        along, off = _nearest(road, line, begin * road.length / chord.sum())
-    road = replace(road, fit_error=float(off.max()), given=line, assumed=told)
+        along, apart = _nearest(road, line, begin * road.length / chord.sum())
+    road = replace(road, fit_error=float(apart.max()), given=line, assumed=told)
     _check_fit(road, spacing, scatter, smoothing)
     # Points that were left out take the place of their twins.
     twin = np.clip(np.searchsorted(kept, np.arange(len(points)), side="right") - 1, 0, None)

@@ -1,6 +1,6 @@
-"""Damaged and hostile roads and maps: read, or refused in one line, within bounds of time and memory.
+"""Damaged and hostile roads, maps and cars: read, or refused in one line, within bounds of time and memory.
 
-    python tests/fuzz/places.py --count 3000 --seed 0 [--only map|road]
+    python tests/fuzz/places.py --count 3000 --seed 0 [--only car|map|road]
 
 Exits with 1 if anything else happened.
 """
@@ -19,6 +19,7 @@ import numpy as np
 from harness import Watch, drive, mutated, special_files
 from PIL import Image
 
+from lanekeep_env.physics.parameters import vehicle_from
 from lanekeep_env.roads import RoadFile
 from lanekeep_env.walls import MapFile
 
@@ -298,6 +299,50 @@ def _hall(rows: int, columns: int) -> np.ndarray:
     return grey
 
 
+_CARS = (
+    (".yaml", b"base: passat\nmass: 1.8 t\nyaw_inertia: 3000\nsteering:\n  angle_limit: 30 deg\n  delay: 0.02\n"),
+    (
+        ".json",
+        b'{"base": "yin", "mass": "1800 kg", "width": "1800 mm", "steering": {"lag": 0.05, "rate_limit": "30 deg/s"}}',
+    ),
+    (
+        ".yaml",
+        b"l: 4.5\nw: 1.6\nm: 1093.3\na: 1.156\nb: 1.423\nI_z: 1.79e+3\nR_w: 0.344\n"
+        b"steering:\n  max: 1.066\n  min: -1.066\n  v_max: 4e-1\ntire:\n  p_ky1: -21.92\n",
+    ),
+)
+
+
+def read_car(path: Path) -> None:
+    """Read a vehicle file as a scenario does; nothing else is opened."""
+    with Watch() as watch:
+        try:
+            car = vehicle_from(str(path))
+        finally:
+            watch.require_only(path)
+    assert car.mass > 0.0 and car.wheelbase > 0.0
+
+
+def cars(count: int, seed: int, folder: Path) -> Iterator[Case]:
+    """Mutations of vehicle files."""
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        ending, original = _CARS[number % len(_CARS)]
+        yield f"car {seed} {number}", _with_file(folder / f"car{ending}", mutated(original, rng), read_car)
+
+
+def car_bombs(folder: Path) -> Iterator[Case]:
+    """Vehicle files that are large, or ask for a lot of work."""
+    for name, content in (
+        ("100 KB of brackets", b"[" * 99_000),
+        ("99 KB of fields", b"".join(b"f%d: 1\n" % k for k in range(9000))),
+        ("1 MB", b"mass: 1\n" * 125_000),
+        ("400 digits", b"mass: " + b"9" * 400),
+        ("a text of 4000 digits", b"mass: '" + b"9" * 4000 + b" kg'"),
+    ):
+        yield f"car: {name}", _with_file(folder / "car.yaml", content, read_car)
+
+
 def pictures(folder: Path) -> Iterator[tuple[str, list[Case]]]:
     """Large pictures in four formats, written when they are asked for."""
     (folder / "map.yaml").write_bytes(YAML)
@@ -366,6 +411,12 @@ def specials(folder: Path, kind: str) -> Iterator[Case]:
         if kind == "road":
             yield f"road: {name}", lambda p=path: read_road(p)
             continue
+        if kind == "car":
+            link = folder / "special" / f"{path.name[:20]}.yaml"
+            if path.exists():
+                link.symlink_to(path)
+            yield f"car: {name}", lambda p=link: vehicle_from(str(p))
+            continue
         yield f"map: {name} as YAML", lambda p=path: MapFile(str(p))
         text = YAML.replace(b"map.pgm", f"'{path}'".encode())
         yield f"map: {name} as picture", _with_map(folder, text, b"")
@@ -374,7 +425,7 @@ def specials(folder: Path, kind: str) -> Iterator[Case]:
 def run(count: int, seed: int, only: str | None, bombs: bool = True) -> list[str]:
     """Drive all kinds; return the violations."""
     found: list[str] = []
-    for kind, draws, large in (("road", roads, road_bombs), ("map", maps, map_bombs)):
+    for kind, draws, large in (("road", roads, road_bombs), ("map", maps, map_bombs), ("car", cars, car_bombs)):
         if only not in (None, kind):
             continue
         with tempfile.TemporaryDirectory() as name:
@@ -398,7 +449,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=3000, help="mutations of each kind")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", choices=("road", "map"))
+    parser.add_argument("--only", choices=("road", "map", "car"))
     arguments = parser.parse_args()
     return 1 if run(arguments.count, arguments.seed, arguments.only) else 0
 
