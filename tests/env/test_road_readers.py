@@ -2,6 +2,8 @@
 
 import json
 import math
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -291,3 +293,30 @@ def test_what_has_no_effect_is_refused(tmp_path):
     plain, smoothed = RoadFile(str(path)), RoadFile(str(path), smoothing=0.01)
     assert plain.fingerprint() != smoothed.fingerprint()
     assert road_from(smoothed.to_dict()) == smoothed and plain.to_dict().keys() == {"kind", "path", "closed"}
+
+
+FILES = Path(__file__).parents[3] / "shared" / "data" / "csv"
+#: Length (m) of those that are not the 1057.5 m loop, and words of the refusals of those that are not read.
+OTHERS = {"g_R120": 754.0, "g_R50": 314.2, "german_diag": 533.1, "german_straight": 495.0, "latlon": 1058.4}
+REFUSED = {
+    "km": "x_km",
+    "mm": "x_mm",
+    "lonlat_noheader": "lat,lon",
+    "noisy": "smoothing=",
+    "german_1dec": "smoothing=",
+    "decimalcomma_int": "smoothing=",
+}
+
+
+@pytest.mark.parametrize("path", sorted(FILES.glob("*.csv")), ids=lambda path: path.stem)
+def test_files_that_nobody_here_wrote(path):
+    begin = time.process_time()
+    if path.stem in REFUSED:
+        with pytest.raises(ValueError, match=REFUSED[path.stem]):
+            read_road(path)
+        if REFUSED[path.stem] == "smoothing=":
+            assert read_road(path, smoothing=0.5).length == pytest.approx(1057.5, rel=0.05)
+    else:
+        road = read_road(path)
+        assert road.length == pytest.approx(OTHERS.get(path.stem, 1057.5), abs=0.2) and road.fit_error < 0.03
+    assert time.process_time() - begin < 5.0

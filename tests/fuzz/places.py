@@ -413,8 +413,7 @@ def specials(folder: Path, kind: str) -> Iterator[Case]:
             continue
         if kind == "car":
             link = folder / "special" / f"{path.name[:20]}.yaml"
-            if path.exists():
-                link.symlink_to(path)
+            link.symlink_to(path)
             yield f"car: {name}", lambda p=link: vehicle_from(str(p))
             continue
         yield f"map: {name} as YAML", lambda p=path: MapFile(str(p))
