@@ -15,14 +15,15 @@ _ROUNDS = 40
 _SMALLEST = 0.02
 
 
-def found(walls: NDArray[np.int64]) -> Floats:
+def found(walls: NDArray[np.int64], most: int = MOST_POINTS) -> Floats:
     """Return points in the middle between two closed walls, evenly spaced, anticlockwise, in cells.
 
-    Every point is moved until the nearest outer and the nearest inner wall are equally far, and smoothed over half the
-    width of the corridor.
+    Every point is moved away from the nearer wall until the nearest outer and the nearest inner one are equally far, and
+    smoothed over a quarter of the corridor's width.
 
     Args:
         walls: of the cells that can be reached, x0, y0, x1, y1 in cells, (n, 4); see `borders`.
+        most: points that it may have.
 
     Raises:
         ValueError: the cells do not go round anything.
@@ -31,14 +32,17 @@ def found(walls: NDArray[np.int64]) -> Floats:
     if len(loops) < 2 or abs(_area(loops[1])) < _SMALLEST * abs(_area(loops[0])):
         raise ValueError("the map is no circuit: its walls go round nothing large; give a centre_line")
     outer, inner = (_spaced(loop, _MOST_WALL) for loop in loops[:2])
-    line = _spaced(inner if _area(inner) > 0.0 else inner[::-1], MOST_POINTS)
+    line = _spaced(inner if _area(inner) > 0.0 else inner[::-1], most)
+    ahead = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
+    line = line + np.column_stack([ahead[:, 1], -ahead[:, 0]]) / np.maximum(np.hypot(*ahead.T), 1e-9)[:, None]
     for _ in range(_ROUNDS):
         to_outer, far_outer = _nearest(outer, line)
         to_inner, far_inner = _nearest(inner, line)
-        aim = np.where((far_outer > far_inner)[:, None], to_outer / far_outer[:, None], to_inner / far_inner[:, None])
-        line = line + 0.5 * np.abs(far_outer - far_inner)[:, None] * aim
+        # Away from the nearer wall.
+        aim = np.where((far_outer > far_inner)[:, None], to_inner / far_inner[:, None], to_outer / far_outer[:, None])
+        line = line - 0.5 * np.abs(far_outer - far_inner)[:, None] * aim
         spacing = float(np.hypot(*np.diff(line, axis=0).T).mean())
-        line = _spaced(_smooth(line, 0.5 * float(np.median(far_outer + far_inner)) / max(spacing, 1e-9)), MOST_POINTS)
+        line = _spaced(_smooth(line, 0.25 * float(np.median(far_outer + far_inner)) / max(spacing, 1e-9)), most)
     return line
 
 

@@ -22,6 +22,8 @@ from lanekeep_env.walls.world import START_CLEARANCE, Floats, World
 #: What asks for the middle of the walls as centre line.
 FOUND = "found"
 _LARGEST_YAML = 100_000
+# Points of a centre line times walls: from each point all walls are looked at, which takes some seconds.
+_MOST_CHECKS = 10_000_000
 
 
 def read_map(
@@ -107,11 +109,12 @@ class MapContent:
 
     def _centre_line(self, given: str | Floats, walls: NDArray[np.int64]) -> Floats:
         """Points of the centre line, m: those given, those of a road file, or those in the middle of the walls."""
+        most = int(np.clip(_MOST_CHECKS // len(walls), 60, MOST_POINTS))
         if isinstance(given, str) and given == FOUND:
-            return _to_world(found(walls), self.settings)
+            return _to_world(found(walls, most), self.settings)
         if isinstance(given, str):
             road = read_road(given, closed=True)
-            count = min(MOST_POINTS, max(16, round(road.length / self.settings.resolution)))
+            count = min(most, max(16, round(road.length / self.settings.resolution)))
             return road.position(np.arange(count) * road.length / count)
         return np.asarray(given, dtype=np.float64)
 

@@ -43,12 +43,12 @@ def read_road(path: Path, closed: bool | None = None) -> None:
     assert np.isfinite(road.points).all() and road.fit_error <= 0.1
 
 
-def read_map(folder: Path, *also: Path) -> None:
+def read_map(folder: Path, *also: Path, line: str | None = None) -> None:
     """Read ``map.yaml`` as a scenario does; nothing but it and the picture (or ``also``) is opened."""
     path = folder / "map.yaml"
     with Watch() as watch:
         try:
-            (world,) = MapFile(str(path)).build()
+            (world,) = MapFile(str(path), centre_line=line).build()
         finally:
             strange = {p for p in watch.read if not Path(p).is_relative_to(folder.resolve())}
             watch.require_only(path, *also, *(set(watch.read) - strange))
@@ -216,7 +216,7 @@ def maps(count: int, seed: int, folder: Path) -> Iterator[Case]:
         rng = np.random.default_rng([seed, number])
         picture = pictures[number // 2 % len(pictures)]
         text, picture = (mutated(YAML, rng), picture) if number % 2 else (YAML, mutated(picture, rng))
-        yield f"map {seed} {number}", _with_map(folder, text, picture)
+        yield f"map {seed} {number}", _with_map(folder, text, picture, (None, "found")[number // 12 % 2])
 
 
 def map_bombs(folder: Path) -> Iterator[Case]:
@@ -275,7 +275,17 @@ def _stairs() -> np.ndarray:
     return _with_place(np.where((rows + columns) // 2 % 2, 0, 254).astype(np.uint8))
 
 
+def _comb() -> np.ndarray:
+    """A circuit whose walls have as many teeth as a map may have walls."""
+    grey = _hall(SIDE, SIDE)
+    grey[200:-200, 200:-200] = 0
+    grey[1:40:2, 60:-60:12] = 0
+    grey[-200:-170:2, 200:-200:12] = 0
+    return _with_place(grey)
+
+
 _PICTURES: dict[str, Callable[[], np.ndarray]] = {
+    "comb": _comb,
     "snake": _snake,
     "upright snake": lambda: np.ascontiguousarray(_snake().T[::-1, ::-1]),
     "20 % noise": lambda: _noise(0.2),
@@ -296,6 +306,8 @@ def _hall(rows: int, columns: int) -> np.ndarray:
     grey = np.full((rows, columns), 254, np.uint8)
     grey[[0, -1]] = grey[:, [0, -1]] = 0
     grey[5:7, 45:50] = 0
+    if rows < 100:
+        grey[10:-15, 25:50] = 0  # something to go round
     return grey
 
 
@@ -352,7 +364,8 @@ def pictures(folder: Path) -> Iterator[tuple[str, list[Case]]]:
             picture = _pgm(grey, kind) if kind in ("P2", "P5") else _png(Image.fromarray(grey).convert(kind))
             (folder / "map.pgm").write_bytes(picture)
             del grey, picture
-            yield f"map: {name} as {kind}", [("the case", lambda: read_map(folder))]
+            cases = [("the case", lambda: read_map(folder)), ("its middle", lambda: read_map(folder, line="found"))]
+            yield f"map: {name} as {kind}", cases
 
 
 def _pgm(grey: np.ndarray, kind: str) -> bytes:
@@ -395,11 +408,11 @@ def _with_file(path: Path, content: bytes, read: Callable[[Path], None]) -> Call
     return case
 
 
-def _with_map(folder: Path, text: bytes, picture: bytes) -> Callable[[], None]:
+def _with_map(folder: Path, text: bytes, picture: bytes, line: str | None = None) -> Callable[[], None]:
     def case() -> None:
         (folder / "map.yaml").write_bytes(text)
         (folder / "map.pgm").write_bytes(picture)
-        read_map(folder)
+        read_map(folder, line=line)
 
     return case
 
