@@ -18,8 +18,8 @@ _SMALLEST = 0.02
 def found(walls: NDArray[np.int64], most: int = MOST_POINTS) -> Floats:
     """Return points in the middle between two closed walls, evenly spaced, anticlockwise, in cells.
 
-    Every point is moved away from the nearer wall until the nearest outer and the nearest inner one are equally far, and
-    smoothed over a quarter of the corridor's width.
+    Every point is moved away from the nearer wall until the nearest outer and the nearest inner one are equally far,
+    and smoothed over a quarter of the corridor's width.
 
     Args:
         walls: of the cells that can be reached, x0, y0, x1, y1 in cells, (n, 4); see `borders`.
