@@ -27,7 +27,7 @@ CAMERA = [
     {"plan": 1},
     {"speed": CONSTANT},
     {"cost_weight": 0.0},
-    {"vehicle": {"base": "van", "steering": {"lag": 0.0, "backlash": 0.0}}},
+    {"vehicle": {"base": "van", "steering": {"lag": 0.0, "rate_limit": None, "angle_limit": None, "backlash": 0.0}}},
 ]
 WALLS = [{"dynamics": "dynamic"}, {"scan": "perfect"}, {"action": "steering_rate"}]
 SCENARIOS = {
