@@ -93,7 +93,7 @@ def _check_fit(road: Road, spacing: float, scatter: float, smoothing: float | No
         raise ValueError(
             f"the road misses a point by {road.fit_error:.2f} m, allowed are {allowed:.3g} m; points this rough (they "
             f"scatter by about {scatter:.2g} m) or far apart (median {spacing:.1f} m) do not define a road: give "
-            f"cleaner ones, or accept it with smoothing={1.2 * scatter:.2g} (m, standard deviation)"
+            f"cleaner ones, or accept it with smoothing={scatter:.2g} (m, standard deviation)"
         )
     if road.peak_curvature * TIGHTEST > 1.0:
         raise ValueError(

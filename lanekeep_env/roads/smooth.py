@@ -17,6 +17,8 @@ from lanekeep_env.roads.road import Floats, Road, fitted
 
 #: Longest segments, m; they turn by less than `_TURN` rad at the sharpest bends.
 SEGMENT, _TURN = 3.0, 0.25
+#: No point is left by more than that many times the scatter, and so many metres more: bends keep their place.
+_OFF_MOST, _OFF_ALWAYS = 3.5, 0.02
 #: Length of an open line's mirrored continuation at both ends, m.
 MARGIN = 500.0
 #: Over how much of the line, m and points at least, its direction there is taken.
@@ -175,8 +177,9 @@ def _filtered(
     low, high = -2.0, 16.0
     for _ in range(24):
         middle = 0.5 * (low + high)
-        off = (filtered(10.0**middle) - wave)[at]
-        low, high = (middle, high) if np.sqrt(0.5 * np.mean(off[:, 0] ** 2 + off[:, 1] ** 2)) < most else (low, middle)
+        off = np.hypot(*(filtered(10.0**middle) - wave)[at].T)
+        kept = np.sqrt(0.5 * np.mean(off**2)) < most and off.max() < _OFF_MOST * most + _OFF_ALWAYS
+        low, high = (middle, high) if kept else (low, middle)
     strength = 10.0**low
     position = filtered(strength) + trend
     first, second = filtered(strength, 1) + rise, filtered(strength, 2)
