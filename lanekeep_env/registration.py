@@ -58,13 +58,13 @@ def register_all() -> None:
     """Register every environment with Gymnasium; a second call changes nothing."""
     for name, row in ENVIRONMENTS.items():
         if name not in registry:
+            # Kernels truncate after `episode_steps`; a limit of Gymnasium's beside that would cut longer ones short.
             # The environments themselves refuse a step before reset and a wrong action, at each step; the
             # wrappers that Gymnasium would add for that cost more than a tenth of a step.
             register(
                 name,
                 entry_point=row.page,
                 vector_entry_point=row.vector,
-                max_episode_steps=row.scenario.episode_steps,
                 order_enforce=False,
                 disable_env_checker=True,
             )

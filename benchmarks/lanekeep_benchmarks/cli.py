@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 import lanekeep_env
+from lanekeep_benchmarks.check import commands as check
 from lanekeep_benchmarks.console import console, progress
 from lanekeep_benchmarks.endings import (
     Interrupted,
@@ -60,6 +61,8 @@ app.command(name="play")(play_command)
 app.command()(train)
 app.command()(zoo)
 app.add_typer(new, name="new")
+for name, group in (("road", check.road), ("map", check.map_), ("vehicle", check.vehicle)):
+    app.add_typer(group, name=name)
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 

@@ -55,7 +55,7 @@ def described(env_id: str) -> dict[str, Any]:
     return {
         "id": env_id,
         "description": _first_paragraph(page),
-        "max_episode_steps": gym.registry[env_id].max_episode_steps,
+        "max_episode_steps": scenario.episode_steps,
         "action_space": str(env.action_space),
         "observation_space": str(env.observation_space.shape),
         "channels": [

@@ -60,10 +60,10 @@ class CameraLaneEnv(RoadEnv):
 
     ```python
     gym.make("lanekeep/CameraLane-v0", speed=4.0, road={"kind": "circle", "radius": -30.0}, sensors="production")
-    gym.make("lanekeep/CameraLane-v0", camera={"edge": "left"}, vehicle={"base": "van", "steering": {"lag": 0.25}})
+    gym.make("lanekeep/CameraLane-v0", camera={"edge": "left"}, vehicle={"base": "van", "steering": {"backlash": 0.0}})
     ```
 
-    (the second van has neither backlash nor a speed limit of its motor).
+    (the second van has no backlash).
 
     ## Vectorized environment
 

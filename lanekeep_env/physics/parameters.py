@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
-from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require, shown
+from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require, shown, shown_path
+from lanekeep_env.physics.vehicle_file import ENDINGS, read_vehicle_file
 
 GRAVITY = 9.81
 
@@ -228,14 +230,27 @@ VEHICLES: dict[str, VehicleParameters] = {
 }
 
 
-def vehicle_from(value: str | Mapping[str, Any] | VehicleParameters) -> VehicleParameters:
-    """Read a vehicle: a name, a record, or a mapping of changes to a named one (``base``, "yin" if absent).
+def vehicle_from(value: str | Path | Mapping[str, Any] | VehicleParameters) -> VehicleParameters:
+    """Read a vehicle: a name, a record, a file, or a mapping of changes to one of these (``base``, "yin" if absent).
+
+    A mapping under ``steering`` is one of changes, too. A file is YAML or JSON (see `read_vehicle_file`).
 
     Raises:
         ValueError: unknown name or field (the nearest valid one is named), or a value out of range.
     """
     if isinstance(value, VehicleParameters):
         return value
+    if isinstance(value, Path) or (isinstance(value, str) and value.lower().endswith(ENDINGS)):
+        changes = read_vehicle_file(value)
+        if isinstance(changes.get("base"), str) and changes["base"] not in VEHICLES:
+            raise ValueError(
+                f"vehicle file {str(value)!r}: base={shown(changes['base'])} is unknown"
+                f"{nearest(changes['base'], VEHICLES)}; allowed: {', '.join(VEHICLES)}"
+            )
+        try:
+            return vehicle_from(changes)
+        except ValueError as error:
+            raise ValueError(f"vehicle file {shown_path(value)!r}: {error}") from None
     if isinstance(value, str):
         if value not in VEHICLES:
             raise ValueError(
@@ -243,11 +258,16 @@ def vehicle_from(value: str | Mapping[str, Any] | VehicleParameters) -> VehicleP
             )
         return VEHICLES[value]
     if not isinstance(value, Mapping):
-        raise ValueError(f"vehicle={shown(value)} must be a name, a mapping of fields or VehicleParameters")
+        raise ValueError(
+            f"vehicle={shown(value)} must be a name, a file (.yaml, .json), a mapping of fields or VehicleParameters"
+        )
     changes = dict(value)
     base = vehicle_from(changes.pop("base", "yin"))
     if isinstance(changes.get("steering"), Mapping):
-        changes["steering"] = from_mapping(SteeringActuator, changes["steering"], "vehicle.steering")
+        gear = {**asdict(base.steering), **changes["steering"]}
+        changes["steering"] = from_mapping(SteeringActuator, gear, "vehicle.steering")
+    if "name" in changes:  # which would hide what it was
+        changes.setdefault("source", f"changes to {base.name}: {base.source}"[:1000])
     changes.setdefault("name", f"{base.name} (changed)" if changes else base.name)
     unknown = [key for key in changes if key not in VehicleParameters.__dataclass_fields__]
     if unknown:

@@ -10,11 +10,21 @@ from lanekeep_env.roads.generators import (
     StraightRoad,
     YinRoad,
 )
+from lanekeep_env.roads.given import RoadClothoids, RoadPoints
 from lanekeep_env.roads.manoeuvres import EvasiveRoads, ParkingPaths
 from lanekeep_env.roads.road import Road
 from lanekeep_env.roads.sets import road_set
 from lanekeep_env.roads.specs import ROADS, RoadFile, RoadSpec, build_roads, road_from
-from lanekeep_env.roads.speed import ConstantSpeed, LimitedSpeed, SetSpeeds, SpeedSpec, set_speeds_from, speed_from
+from lanekeep_env.roads.speed import (
+    ConstantSpeed,
+    FileSpeed,
+    LimitedSpeed,
+    SetSpeeds,
+    SpeedSpec,
+    lap_time,
+    set_speeds_from,
+    speed_from,
+)
 from lanekeep_env.roads.yards import TurnOffRoads, YardRoads
 
 __all__ = [
@@ -22,11 +32,14 @@ __all__ = [
     "CircleRoad",
     "ConstantSpeed",
     "EvasiveRoads",
+    "FileSpeed",
     "LimitedSpeed",
     "ParkingPaths",
     "RandomRoads",
     "Road",
+    "RoadClothoids",
     "RoadFile",
+    "RoadPoints",
     "RoadSpec",
     "RoadWorksRoads",
     "SetSpeeds",
@@ -38,6 +51,7 @@ __all__ = [
     "YardRoads",
     "YinRoad",
     "build_roads",
+    "lap_time",
     "read_road",
     "road_from",
     "road_set",

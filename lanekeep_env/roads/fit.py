@@ -1,201 +1,151 @@
-"""A smooth road through given points.
+"""A road through given points: exactly where they are clean, smoothed where they scatter, or a refusal.
 
-Points are resampled evenly, smoothed in the Fourier domain as strongly as `SMOOTHING_ERROR` allows
-(Whittaker's filter: squared deviation plus a penalty on third differences, which punishes changes of
-curvature), differentiated there, and cut into segments of linear curvature whose turns are exactly those
-of the smooth curve. A loop is closed by the smallest change of the curvatures that does it.
+Points are clean if what they scatter does not matter to the curvature of a line through them; see `spline`. Otherwise
+they are smoothed (see `smooth`) as far as they scatter, by themselves only where little curvature is lost in it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import warnings
+from dataclasses import replace
 
 import numpy as np
 
-from lanekeep_env.roads.road import Floats, Road, fitted
+from lanekeep_env.roads.road import Floats, Road
+from lanekeep_env.roads.scatter import scatter_of, with_straights, without_twins
+from lanekeep_env.roads.smooth import MOST_SAMPLES, Smoothed, sample_step, smoothed
+from lanekeep_env.roads.spline import through
 
-#: A road that misses a given point by more is refused, m.
+#: A road that misses a given point by more is refused unless smoothing is asked for, m.
 LARGEST_FIT_ERROR = 0.1
-#: Deviation that the smoothing may use up, m.
-SMOOTHING_ERROR = 0.04
-#: Length of the segments, m.
-SEGMENT = 3.0
-#: Length of an open line's mirrored continuation at both ends, m.
-MARGIN = 60.0
-#: Most evenly spaced points that a line is smoothed at, twice as many as given and at most 1 m apart: some seconds.
-MOST_SAMPLES = 300_000
-#: A segment that turns by more, rad, belongs to no road: the points do not follow one another.
-MOST_TURN_OF_FIT = 10.0
+#: Shortest road, m, and tightest radius, m: those of a model car of 1:40.
+SHORTEST, TIGHTEST = 3.0, 0.1
+#: Curvature that scatter may leave unknown, 1/m, or as a share of what the line has, where nobody asks for smoothing.
+_DOUBT, _DOUBT_SHARE = 5e-4, 0.1
+#: The same for points that a road leads through exactly.
+_CLEAN, _CLEAN_SHARE = 3e-5, 0.01
+#: Scatter of rounded coordinates, as a share of the points' distance: smoothed without a warning.
+_ROUNDING = 1e-3
+#: Smoothing beyond the scatter by oneself, m.
+_SMOOTHER = 0.02
+_UNITS = "are they in m? Name the columns with their unit (x_km,y_km or x_mm,y_mm), or lat,lon"
 
 
-def fit_centre_line(name: str, points: Floats, closed: bool) -> Road:
+def fit_centre_line(name: str, points: Floats, closed: bool, smoothing: float | None = None) -> Road:
     """Return the road through ``points`` (n, 2), m; raises ValueError where they make no road.
+
+    Args:
+        name: the road's.
+        points: m, (n, 2).
+        closed: whether the last point leads back to the first.
+        smoothing: standard deviation by which the points scatter, m; 0 for none, None to estimate it: the road is then
+            refused where that leaves its curvature unknown.
 
     The road's `fit_error` is the largest distance of a given point from it.
     """
-    if closed and np.hypot(*(points[-1] - points[0])) < 1e-6:
-        points = points[:-1]
-    line = points if closed else _with_margins(points)
+    kept = without_twins(points, closed)
+    line = points[kept]
     chord = np.hypot(*np.diff(np.vstack([line, line[:1]]) if closed else line, axis=0).T)
-    station = np.concatenate([[0.0], np.cumsum(chord)])
-    first = 0 if closed else (len(line) - len(points)) // 2
-    begin, end = station[first], station[first + len(points) - (not closed)]
-    if end - begin < 10 * SEGMENT:
-        raise ValueError(f"the line is {end - begin:.1f} m long; at least {10 * SEGMENT:.0f} m are needed")
-    if end - begin > MOST_SAMPLES * _step(chord):
+    _check_size(chord)
+    scatter = scatter_of(line, closed) if smoothing is None else smoothing
+    sharpest = _sharpest(line, closed)
+    spacing = float(np.median(chord))
+    told: tuple[str, ...] = () if len(line) == len(points) else (f"{len(points) - len(line)} repeated points left out",)
+    if 2.5 * scatter / spacing**2 <= max(_CLEAN, _CLEAN_SHARE * sharpest) or smoothing == 0.0:
+        fuller = with_straights(line, closed)
+        if len(fuller) > len(line):
+            told += ("long chords between short ones are straight",)
+        road = through(name, fuller, closed)
+    else:
+        found, off = smoothed(name, line, closed, scatter, scatter, sharpest), scatter
+        # Dense points may be smoothed a little more than they scatter: that costs millimetres, and halves the doubt.
+        while smoothing is None and found.doubt > _allowed(found.road) and 2.0 * off <= _SMOOTHER:
+            off *= 2.0
+            found = smoothed(name, line, closed, scatter, off, sharpest)
+        cost = _cost(scatter, found.shortest, found.doubt)
+        if smoothing is None:
+            _judge(found, scatter, cost, loud=scatter > _ROUNDING * spacing)
+        road, told = found.road, (*told, cost)
+    with np.errstate(all="ignore"):
+        begin = np.concatenate([[0.0], np.cumsum(chord)])[: len(line)]
+        along, apart = _nearest(road, line, begin * road.length / chord.sum())
+    road = replace(road, fit_error=float(apart.max()), given=line, assumed=told)
+    _check_fit(road, spacing, scatter, smoothing)
+    # Points that were left out take the place of their twins.
+    twin = np.clip(np.searchsorted(kept, np.arange(len(points)), side="right") - 1, 0, None)
+    return replace(road, beside=np.column_stack([along[twin], np.full((len(points), 3), np.nan)]))
+
+
+def _check_size(chord: Floats) -> None:
+    length = float(chord.sum())
+    if length < SHORTEST:
+        raise ValueError(f"the line is {length:.3g} m long; at least {SHORTEST:g} m are needed ({_UNITS})")
+    if length > MOST_SAMPLES * sample_step(chord):
         raise ValueError(
-            f"the line is {end - begin:.6g} m long, allowed are {MOST_SAMPLES * _step(chord):.6g} m where points are "
+            f"the line is {length:.6g} m long, allowed are {MOST_SAMPLES * sample_step(chord):.6g} m where points are "
             f"{float(np.median(chord)):.3g} m apart (median): give fewer points or a shorter line"
         )
-    # What overflows or divides by zero is told by the checks of the road.
-    with np.errstate(all="ignore"):
-        curve = _smoothed(_resampled(line, station, closed), station[-1], closed, begin, end)
-        road = _checked(_cut(name, curve, closed))
-        if closed:
-            road = _close(road)
-        scale = road.length / (end - begin)
-        along = scale * (station[first : first + len(points)] - begin)
-        return replace(road, fit_error=float(_distances(road, points, along).max()), given=points)
 
 
-def _checked(road: Road) -> Road:
-    turn = float((np.maximum(np.abs(road.curvature_start), np.abs(road.curvature_end)) * road.lengths).max())
-    if turn > MOST_TURN_OF_FIT:
+def _check_fit(road: Road, spacing: float, scatter: float, smoothing: float | None) -> None:
+    allowed = LARGEST_FIT_ERROR + 6.0 * (smoothing or 0.0)
+    if not road.fit_error <= allowed:
         raise ValueError(
-            f"the line turns by {turn:.3g} rad on {SEGMENT:g} m, allowed are {MOST_TURN_OF_FIT:g} rad; "
-            f"points in such an order do not define a road"
+            f"the road misses a point by {road.fit_error:.2f} m, allowed are {allowed:.3g} m; points this rough (they "
+            f"scatter by about {scatter:.2g} m) or far apart (median {spacing:.1f} m) do not define a road: give "
+            f"cleaner ones, or accept it with smoothing={scatter:.2g} (m, standard deviation)"
         )
-    return road
+    if road.peak_curvature * TIGHTEST > 1.0:
+        raise ValueError(
+            f"a radius of {1 / road.peak_curvature:.2g} m; allowed are radii from {TIGHTEST:g} m ({_UNITS})"
+        )
 
 
-def _with_margins(points: Floats) -> Floats:
-    """Continue an open line beyond both ends by its own mirror image, which carries the curvature on."""
-    start, end = _mirrored(points[::-1])[::-1], _mirrored(points)
-    count = min(len(start), len(end))
-    return np.vstack([start[len(start) - count :], points, end[:count]])
+def _sharpest(line: Floats, closed: bool) -> float:
+    """Curvature that one point in twenty exceeds: of circles through three points, some chords from each other."""
+    best = np.inf
+    for gap in (1, 2, 4):
+        if len(line) < 4 * gap:
+            continue
+        if closed:
+            before, middle, after = np.roll(line, gap, axis=0), line, np.roll(line, -gap, axis=0)
+        else:
+            before, middle, after = line[: -2 * gap], line[gap:-gap], line[2 * gap :]
+        a, b = middle - before, after - middle
+        area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+        sides = np.hypot(*a.T) * np.hypot(*b.T) * np.maximum(np.hypot(*(after - before).T), 1e-12)
+        best = min(best, float(np.quantile(2.0 * area / np.maximum(sides, 1e-30), 0.95)))
+    return best if np.isfinite(best) else 0.0
 
 
-def _mirrored(points: Floats) -> Floats:
-    """Up to `MARGIN` m of points before the end, newest first, mirrored at the normal through it."""
-    back = points[::-1]
-    chord = np.hypot(*np.diff(back, axis=0).T)
-    count = int(np.clip(np.searchsorted(np.cumsum(chord), MARGIN) + 1, 2, len(points) // 2))
-    slope = np.diff(back[:3], axis=0) / chord[:2, None]
-    tangent = 2.0 * slope[0] - (slope[0] * chord[1] + slope[1] * chord[0]) / (chord[0] + chord[1])
-    tangent /= np.hypot(*tangent)
-    offset = back[1 : count + 1] - back[0]
-    return back[1 : count + 1] - 2.0 * (offset @ tangent)[:, None] * tangent
-
-
-def _step(gap: Floats) -> float:
-    return min(1.0, float(np.median(gap)) / 2)
-
-
-def _resampled(line: Floats, station: Floats, closed: bool) -> Floats:
-    """Evenly spaced points, at most 1 m apart, on the cubic whose slopes are those of three-point parabolas."""
-    gap = np.diff(station)[:, None]
-    knots = np.vstack([line, line[:1]]) if closed else line
-    slope = np.diff(knots, axis=0) / gap
-    if closed:
-        before, width = np.roll(slope, 1, axis=0), np.roll(gap, 1, axis=0)
-        inner = (before * gap + slope * width) / (gap + width)
-        tangent = np.vstack([inner, inner[:1]])
-    else:
-        inner = (slope[:-1] * gap[1:] + slope[1:] * gap[:-1]) / (gap[1:] + gap[:-1])
-        tangent = np.vstack([2 * slope[:1] - inner[:1], inner, 2 * slope[-1:] - inner[-1:]])
-    count = max(64, int(np.ceil(station[-1] / _step(gap))))
-    at = np.linspace(0.0, station[-1], count + 1)[: count + (not closed)]
-    k = np.clip(np.searchsorted(station, at, side="right") - 1, 0, len(gap) - 1)
-    t, width = (at - station[k])[:, None] / gap[k], gap[k]
+def _cost(scatter: float, shortest: float, doubt: float) -> str:
     return (
-        (1 + 2 * t) * (1 - t) ** 2 * knots[k]
-        + t * (1 - t) ** 2 * width * tangent[k]
-        + t**2 * (3 - 2 * t) * knots[k + 1]
-        + t**2 * (t - 1) * width * tangent[k + 1]
+        f"points scatter by {scatter:.2g} m: smoothed, changes of curvature within {shortest:.0f} m are flattened, "
+        f"curvature is known to {doubt:.1g} 1/m"
     )
 
 
-@dataclass(frozen=True)
-class _Curve:
-    """Samples of a smooth curve: position, arc length, heading and curvature at each."""
-
-    position: Floats
-    station: Floats
-    heading: Floats
-    curvature: Floats
+def _allowed(road: Road) -> float:
+    """Curvature that may stay unknown, 1/m."""
+    bend = float(np.sqrt(np.average((0.5 * (road.curvature_start + road.curvature_end)) ** 2, weights=road.lengths)))
+    return max(_DOUBT, _DOUBT_SHARE * bend)
 
 
-def _smoothed(samples: Floats, total: float, closed: bool, begin: float, end: float) -> _Curve:
-    """Smooth evenly spaced samples over ``total`` m and return the curve from ``begin`` to ``end``."""
-    n = len(samples)
-    step = total / (n - (not closed))
-    # An open line minus the chord between its ends, continued as an odd function, is periodic.
-    trend = np.zeros_like(samples) if closed else np.linspace(samples[0], samples[-1], n)
-    rise = np.zeros(2) if closed else (samples[-1] - samples[0]) / total
-    wave = samples - trend
-    periodic = wave if closed else np.vstack([wave, -wave[-2:0:-1]])
-    spectrum = np.fft.rfft(periodic, axis=0)
-    angle = 2.0 * np.pi * np.fft.rfftfreq(len(periodic))[:, None]
-    penalty = (2.0 - 2.0 * np.cos(angle)) ** 3
-    inside = slice(0, n) if closed else slice(round(begin / step), round(end / step) + 1)
-
-    def filtered(strength: float, derivative: int = 0) -> Floats:
-        weight = (1j * angle / step) ** derivative / (1.0 + strength * penalty)
-        return np.fft.irfft(spectrum * weight, n=len(periodic), axis=0)[:n]
-
-    low, high = -2.0, 14.0
-    for _ in range(24):
-        middle = 0.5 * (low + high)
-        deviation = np.hypot(*(filtered(10.0**middle) - wave)[inside].T).max()
-        low, high = (middle, high) if deviation < SMOOTHING_ERROR else (low, middle)
-    strength = 10.0**low
-    position = filtered(strength) + trend
-    first, second = filtered(strength, 1) + rise, filtered(strength, 2)
-    if closed:
-        position, first, second = (np.vstack([a, a[:1]]) for a in (position, first, second))
-        inside = slice(0, n + 1)
-    position, first, second = position[inside], first[inside], second[inside]
-    pace = np.hypot(*first.T)
-    heading = np.unwrap(np.arctan2(first[:, 1], first[:, 0]))
-    station = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * step)])
-    curvature = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / pace**3
-    return _Curve(position, station, heading, curvature)
-
-
-def _cut(name: str, curve: _Curve, closed: bool) -> Road:
-    """Cut a curve into segments of about `SEGMENT` m."""
-    pieces = max(4, round(curve.station[-1] / SEGMENT))
-    at = np.round(np.linspace(0, len(curve.station) - 1, pieces + 1)).astype(np.intp)
-    heading = curve.heading[at]
-    if closed:
-        heading[-1] = heading[0] + 2.0 * np.pi * round((heading[-1] - heading[0]) / (2.0 * np.pi))
-    road = fitted(name, curve.station[at], curve.curvature[at], heading)
-    x, y = curve.position[0]
-    return replace(road, closed=closed, origin=(float(x), float(y), float(heading[0])))
-
-
-def _close(road: Road) -> Road:
-    """Close a loop in position and heading by the least change of the segments' curvatures (Newton, minimum norm)."""
-    turns = 2.0 * np.pi * round((road.headings[-1] - road.headings[0]) / (2.0 * np.pi))
-    for _ in range(20):
-        points = road.points
-        gap = points[0] - points[-1]
-        excess = turns - (road.headings[-1] - road.headings[0])
-        if np.hypot(*gap) < 1e-9 and abs(excess) < 1e-12:
-            return road
-        # A turn c h of a segment swings all that follows round the segment's middle.
-        arm = points[-1] - 0.5 * (points[1:] + points[:-1])
-        effect = road.lengths * np.stack([np.ones(len(arm)), -arm[:, 1], arm[:, 0]])
-        weighted = effect / road.lengths
-        change = weighted.T @ np.linalg.solve(effect @ weighted.T, np.array([excess, *gap]))
-        road = _checked(
-            replace(road, curvature_start=road.curvature_start + change, curvature_end=road.curvature_end + change)
+def _judge(found: Smoothed, scatter: float, cost: str, loud: bool) -> None:
+    """Refuse to smooth by oneself where the curvature stays unknown; otherwise say what it costs if it is ``loud``."""
+    allowed = _allowed(found.road)
+    if found.doubt > allowed:
+        raise ValueError(
+            f"the points scatter by about {scatter:.2g} m, which leaves the curvature unknown to {found.doubt:.2g} "
+            f"1/m, allowed are {allowed:.2g}; give cleaner points, or accept it with smoothing={scatter:.2g} (m, "
+            f"standard deviation): changes of curvature within {found.shortest:.0f} m are then flattened"
         )
-    raise ValueError(f"the loop does not close: {np.hypot(*gap):.2g} m and {excess:.2g} rad are left")
+    if loud:
+        warnings.warn(f"road {found.road.name!r}: {cost}; smoothing= says how far points scatter", stacklevel=2)
 
 
-def _distances(road: Road, points: Floats, along: Floats) -> Floats:
-    """Distance of each point from the road, m; ``along`` is a first guess of its arc length."""
+def _nearest(road: Road, points: Floats, along: Floats) -> tuple[Floats, Floats]:
+    """Arc length and distance of the road's nearest place to each point, m; ``along`` is a first guess."""
     s = along.copy()
     for _ in range(8):
         heading = road.heading(s)
@@ -204,4 +154,4 @@ def _distances(road: Road, points: Floats, along: Floats) -> Floats:
         s = s + np.clip(ahead, -2.0, 2.0)
         if not road.closed:
             s = np.clip(s, 0.0, road.length)
-    return np.hypot(*(points - road.position(s)).T)
+    return s, np.hypot(*(points - road.position(s)).T)

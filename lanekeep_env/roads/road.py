@@ -33,6 +33,9 @@ class Road:
         fit_error: largest distance of a given point from the road, m (roads read from files).
         given: the points that the road was fitted to, m, (m, 2), or None.
         marked: whether a camera can see the edges of each segment, (n,), or None where it can everywhere.
+        beside: at the given points: arc length, width to the left and to the right (m; NaN where the file has none) and
+            speed (m/s or NaN), (m, 4), or None.
+        assumed: what was taken for granted when the road was read from a file, one phrase each.
 
     Beyond the end of an open road its last curvature goes on; a closed road repeats.
 
@@ -49,6 +52,8 @@ class Road:
     fit_error: float = 0.0
     given: Floats | None = field(default=None, repr=False)
     marked: NDArray[np.bool_] | None = field(default=None, repr=False)
+    beside: Floats | None = field(default=None, repr=False)
+    assumed: tuple[str, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         for key in ("lengths", "curvature_start", "curvature_end"):
@@ -91,8 +96,8 @@ class Road:
     def points(self) -> Floats:
         """Position of the segment borders, m, (n + 1, 2)."""
         slope = (self.curvature_end - self.curvature_start) / self.lengths
-        chords = _chords(self.headings[:-1], self.curvature_start, slope, self.lengths)
-        return np.array(self.origin[:2]) + np.vstack([np.zeros((1, 2)), np.cumsum(chords, axis=0)])
+        steps = chords(self.headings[:-1], self.curvature_start, slope, self.lengths)
+        return np.array(self.origin[:2]) + np.vstack([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
     @property
     def peak_curvature(self) -> float:
@@ -115,7 +120,7 @@ class Road:
         """Position ``lateral`` metres left of the centre line at arc length ``s`` (m): (..., 2), m."""
         index, along, _ = self._locate(s)
         start, slope = self._extended
-        chord = _chords(self.headings[index], start[index], slope[index], along)
+        chord = chords(self.headings[index], start[index], slope[index], along)
         heading = self.headings[index] + (start[index] + 0.5 * slope[index] * along) * along
         normal = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
         return self.points[index] + chord + np.asarray(lateral, dtype=np.float64)[..., None] * normal
@@ -210,7 +215,7 @@ def _check_count(name: str, count: float) -> None:
         raise ValueError(f"{name} has {count:.7g} segments; allowed are {MOST_SEGMENTS}")
 
 
-def _chords(heading: Floats, curvature: Floats, slope: Floats, length: Floats) -> Floats:
+def chords(heading: Floats, curvature: Floats, slope: Floats, length: Floats) -> Floats:
     """Displacement over clothoid pieces of given start heading, curvature, its slope and length: (..., 2), m."""
     turn = (np.abs(curvature) + np.abs(slope * length)) * np.abs(length)
     most = turn.max(initial=0.0)
@@ -241,6 +246,12 @@ def fitted(name: str, stations: Floats, curvatures: Floats, headings: Floats) ->
         curvatures: of the curve there, 1/m, (n + 1,).
         headings: of the curve there, rad, (n + 1,).
     """
+    segments = curve_segments(stations, curvatures, headings)
+    return Road(name, *segments, origin=(0.0, 0.0, float(headings[0])))
+
+
+def curve_segments(stations: Floats, curvatures: Floats, headings: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return lengths, and curvatures at both ends, of the segments of `fitted`."""
     lengths = np.diff(stations)
     shift = np.diff(headings) / lengths - 0.5 * (curvatures[:-1] + curvatures[1:])
-    return Road(name, lengths, curvatures[:-1] + shift, curvatures[1:] + shift, origin=(0.0, 0.0, float(headings[0])))
+    return lengths, curvatures[:-1] + shift, curvatures[1:] + shift

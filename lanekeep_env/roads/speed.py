@@ -199,7 +199,55 @@ class SetSpeeds:
         return limit.along(road)
 
 
-SpeedSpec = ConstantSpeed | LimitedSpeed | SetSpeeds
+@dataclass(frozen=True)
+class FileSpeed:
+    """The speed that a road's file gives beside its points.
+
+    Attributes:
+        maximum: m/s, which it is lowered to; None for the file's own.
+    """
+
+    maximum: float | None = None
+
+    def __post_init__(self) -> None:
+        require("speed.maximum", self.maximum, "m/s", above=0.0, at_most=100.0, optional=True)
+        plain_numbers(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what `speed_from` reads back, as JSON-able values."""
+        return {"kind": "file", "maximum": self.maximum}
+
+    @property
+    def largest(self) -> float:
+        """Largest speed, m/s."""
+        return 100.0 if self.maximum is None else self.maximum
+
+    @property
+    def lateral_limit(self) -> float:
+        """No limit of lateral acceleration."""
+        return 0.0
+
+    def numbers(self, control_step: float, step: float) -> dict[int, float]:
+        """No settings of the kernel: the speed is the road's."""
+        return {}
+
+    def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
+        """Return the road and the speed at its segment borders, m/s, (n + 1,)."""
+        given = None if road.beside is None else road.beside[np.isfinite(road.beside[:, 3])]
+        if given is None or not len(given):
+            raise ValueError(f"speed='file' is not allowed: road {road.name!r} comes without speeds (a column vx_mps)")
+        road = road.refined(12.0)
+        speeds = np.interp(road.stations, given[:, 0], given[:, 3], period=road.length if road.closed else None)
+        return road, np.minimum(speeds, self.largest)
+
+
+def lap_time(road: Road, speed: Floats) -> float:
+    """Seconds for one pass of ``road`` at the speeds of its segment borders (n + 1,), m/s, v² linear in between."""
+    with np.errstate(divide="ignore"):
+        return float(np.sum(2 * np.asarray(road.lengths) / (speed[:-1] + speed[1:])))
+
+
+SpeedSpec = ConstantSpeed | LimitedSpeed | FileSpeed | SetSpeeds
 
 
 def set_speeds_from(value: float | Mapping[str, Any] | SetSpeeds) -> SetSpeeds:
@@ -215,20 +263,24 @@ def set_speeds_from(value: float | Mapping[str, Any] | SetSpeeds) -> SetSpeeds:
     raise ValueError(f"speed={shown(value)} must be a number in m/s or a mapping of SetSpeeds' fields")
 
 
-def speed_from(value: float | Mapping[str, Any] | SpeedSpec | None) -> SpeedSpec:
-    """Read a speed: m/s, a mapping of `LimitedSpeed` (or ``{"speed": m/s}``), a record, or None for the default.
+def speed_from(value: float | str | Mapping[str, Any] | SpeedSpec | None) -> SpeedSpec:
+    """Read a speed: m/s, a mapping of `LimitedSpeed` (or ``{"speed": m/s}``), "file", a record, or None (default).
 
     Raises:
         ValueError: not one of these, an unknown field, or a value out of range.
     """
     if value is None:
         return LimitedSpeed()
-    if isinstance(value, ConstantSpeed | LimitedSpeed):
+    if isinstance(value, ConstantSpeed | LimitedSpeed | FileSpeed):
         return value
+    if isinstance(value, str) and value == "file":
+        return FileSpeed()
     if isinstance(value, Mapping):
+        if value.get("kind") == "file":
+            return from_mapping(FileSpeed, {key: one for key, one in value.items() if key != "kind"}, "speed")
         if "speed" in value:
             return from_mapping(ConstantSpeed, value, "speed")
         return from_mapping(LimitedSpeed, value, "speed")
     if isinstance(value, Real) and not isinstance(value, bool):
         return ConstantSpeed(value)  # type: ignore[arg-type]
-    raise ValueError(f"speed={shown(value)} must be a number in m/s or a mapping of LimitedSpeed's fields")
+    raise ValueError(f"speed={shown(value)} must be a number in m/s, 'file' or a mapping of LimitedSpeed's fields")

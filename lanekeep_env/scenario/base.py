@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -13,7 +13,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import nearest, plain_numbers, shown
-from lanekeep_env.scenario.effects import Need, refuse_idle, unmet
+from lanekeep_env.scenario.effects import Need, default_of, refuse_idle, unmet
 from lanekeep_env.scenario.integration import Integration
 from lanekeep_env.sensing.faults import SENSOR_SETS, Sensor, Sensors, SensorSets, sensors_from, sensors_to_dict
 
@@ -78,7 +78,8 @@ class ScenarioRecord:
 
     def __post_init__(self) -> None:
         for name, read in self._readers.items():
-            object.__setattr__(self, name, read(getattr(self, name)))
+            object.__setattr__(self, name, read(self._completed(name)))
+        self._settle()
         self._check()
         plain_numbers(self)
         measured = [channel.name for channel in self._channels() if channel.sensor is not None]
@@ -91,6 +92,23 @@ class ScenarioRecord:
     def integration(self) -> Integration:
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
         raise NotImplementedError
+
+    def _completed(self, name: str) -> Any:
+        """A field's value; a mapping of some fields of what is the default says what is changed of that."""
+        value, usual = getattr(self, name), default_of(type(self), name)
+        # A vehicle's mapping names the car that it changes by itself.
+        if name == "vehicle" or not isinstance(value, Mapping) or not is_dataclass(usual) or isinstance(usual, type):
+            return value
+        kind = getattr(usual, "kind", None)
+        changes = {key: one for key, one in value.items() if key != "kind"}
+        known = {f.name for f in fields(usual) if f.init}
+        if value.get("kind") != kind or not changes.keys() <= known:
+            return value  # another kind of thing, or for the reader to refuse
+        rest = {key: getattr(usual, key) for key in known}
+        return {**({} if kind is None else {"kind": kind}), **rest, **changes}
+
+    def _settle(self) -> None:
+        """Put numbers in the place of words that stand for them."""
 
     def _check(self) -> None:
         raise NotImplementedError

@@ -27,6 +27,8 @@ from lanekeep_env.scenario.base import ScenarioRecord
 from lanekeep_env.scenario.effects import Need
 
 ACTIONS = {"steering_angle": at.STEERING_ANGLE, "steering_rate": at.STEERING_RATE}
+#: Longest episode, control steps.
+_LONGEST = 10_000_000
 #: What a departure or a contact does.
 DEPARTURES = {"terminate": at.TERMINATE, "cost": at.COST, "off": at.OFF}
 
@@ -71,8 +73,8 @@ class CarScenario(ScenarioRecord):
         randomisation: what differs from episode to episode: "nominal", "mismatch", "stress" or a mapping of
             bounds (see `Randomisation`).
         episode_steps: control steps of an episode: it is truncated after them, and a departure or a contact is charged
-            for the rest of them. ``max_episode_steps`` of ``gym.make`` can only shorten an episode; give both for
-            longer ones.
+            for the rest of them; "lap" for as many as one pass of the road, or of all ``laps``, takes.
+            ``max_episode_steps`` of ``gym.make`` can only shorten an episode.
     """
 
     vehicle: VehicleParameters = VEHICLES["yin"]
@@ -123,6 +125,22 @@ class CarScenario(ScenarioRecord):
         ),
     )
 
+    def _settle(self) -> None:
+        super()._settle()
+        if isinstance(self.episode_steps, str):
+            choose("episode_steps", self.episode_steps, ("lap",))
+            require("control_step", self.control_step, "s", above=0.0, at_most=1.0)
+            seconds = self._lap()
+            if not seconds / self.control_step <= _LONGEST:
+                raise ValueError(
+                    f"episode_steps='lap' is not allowed: a lap takes {seconds:.3g} s; give a number of steps"
+                )
+            object.__setattr__(self, "episode_steps", max(1, math.ceil(seconds / self.control_step)))
+
+    def _lap(self) -> float:
+        """Seconds that a lap takes at the most; ValueError where there is none."""
+        raise ValueError("episode_steps='lap' is not allowed: there is no lap to drive; give a number of steps")
+
     def _check(self) -> None:
         choose("action", self.action, ACTIONS)
         require("max_steering_angle", self.max_steering_angle, "rad", at_least=1e-6, at_most=1.5)
@@ -138,7 +156,7 @@ class CarScenario(ScenarioRecord):
         multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay, self.base_step)
         check_speed(self.speed.largest, self.randomisation, self.largest_observed_speed)
         self._check_hold()
-        require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=10_000_000, whole=True)
+        require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=_LONGEST, whole=True)
 
     def _check_hold(self) -> None:
         """Set speeds change at control steps."""

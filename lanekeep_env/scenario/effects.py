@@ -50,12 +50,12 @@ def refuse_idle(scenario: Any, without_effect: Mapping[str, Need], given: Mappin
     found: dict[str, tuple[Any, Any]] = {}
     for path, need in without_effect.items():
         top, _, inner = path.partition(".")
-        value, usual = getattr(scenario, top), _default(type(scenario), top)
+        value, usual = getattr(scenario, top), default_of(type(scenario), top)
         defaults = [usual]
         if inner:
             if not hasattr(value, inner):  # a constant speed has no lateral acceleration
                 continue
-            defaults = [_default(type(value), inner), getattr(usual, inner, MISSING)]
+            defaults = [default_of(type(value), inner), getattr(usual, inner, MISSING)]
             defaults = [default for default in defaults if default is not MISSING]
             value = getattr(value, inner)
         if top in given and value not in (*defaults, *need.neutral):
@@ -71,7 +71,7 @@ def refuse_idle(scenario: Any, without_effect: Mapping[str, Need], given: Mappin
         )
 
 
-def _default(record: type, name: str) -> Any:
+def default_of(record: type, name: str) -> Any:
     """Default of a dataclass's field, `MISSING` for none."""
     field = next(field for field in fields(record) if field.name == name)
     return field.default if field.default_factory is MISSING else field.default_factory()

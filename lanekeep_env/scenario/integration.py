@@ -16,6 +16,8 @@ from lanekeep_env.randomisation import Randomisation
 
 #: Sum of squared orders of magnitude by which a car's proportions are off from which a mistaken unit is warned of.
 ODD = 4.0
+#: Orders of magnitude by which a single proportion is off from which it is told.
+_ODD_ALONE = 0.7
 #: A randomised centre of gravity stays this share of the wheelbase away from either axle.
 NEAREST_AXLE = 0.05
 
@@ -196,16 +198,44 @@ def _changed(vehicle: VehicleParameters, fields: tuple[str, ...], factor: float)
     return changed
 
 
-def _oddness(vehicle: VehicleParameters) -> float:
-    """How far the proportions are from any car's, full-size or model: a sum of squared orders of magnitude."""
+def oddities(vehicle: VehicleParameters) -> list[str]:
+    """Return what does not go together in a car's numbers: proportions unlike any car's, and a mistaken unit."""
+    found = [
+        f"{name} is {value:.3g}, usual is about {usual:g}"
+        for name, value, usual in _proportions(vehicle)
+        if abs(math.log10(value / usual)) > _ODD_ALONE
+    ]
+    if found or _oddness(vehicle) > ODD:
+        fields, guess = _suspects(vehicle)
+        if guess:
+            found.append(f"{' and '.join(fields)} may be in a mistaken unit{guess}")
+    if vehicle.length < vehicle.wheelbase:
+        found.append(f"the body of {vehicle.length:g} m is shorter than the wheelbase of {vehicle.wheelbase:g} m")
+    return found
+
+
+def _proportions(vehicle: VehicleParameters) -> tuple[tuple[str, float, float], ...]:
+    """What compares cars of all sizes: what it is, its value, and what it usually is."""
     front, rear, base = vehicle.cg_to_front_axle, vehicle.cg_to_rear_axle, vehicle.wheelbase
     weight = vehicle.mass * GRAVITY
-    proportions = (
-        (vehicle.front_cornering_stiffness * base / (weight * rear), 8.0),
-        (vehicle.rear_cornering_stiffness * base / (weight * front), 8.0),
-        (vehicle.yaw_inertia / (vehicle.mass * front * rear), 0.8),
-        (vehicle.mass / base**3, 90.0),
-        (front / rear, 1.0),
-        (vehicle.length / base, 1.6),
+    return (
+        (
+            "front cornering stiffness over the front axle's load",
+            vehicle.front_cornering_stiffness * base / (weight * rear),
+            8.0,
+        ),
+        (
+            "rear cornering stiffness over the rear axle's load",
+            vehicle.rear_cornering_stiffness * base / (weight * front),
+            8.0,
+        ),
+        ("yaw inertia over mass and axle distances", vehicle.yaw_inertia / (vehicle.mass * front * rear), 0.8),
+        ("mass over the cube of the wheelbase", vehicle.mass / base**3, 90.0),
+        ("front over rear axle distance", front / rear, 1.0),
+        ("length over wheelbase", vehicle.length / base, 1.6),
     )
-    return sum(math.log10(value / usual) ** 2 for value, usual in proportions)
+
+
+def _oddness(vehicle: VehicleParameters) -> float:
+    """How far the proportions are from any car's, full-size or model: a sum of squared orders of magnitude."""
+    return sum(math.log10(value / usual) ** 2 for _, value, usual in _proportions(vehicle))

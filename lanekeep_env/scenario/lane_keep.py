@@ -12,7 +12,16 @@ from lanekeep_env.checks import choose, require
 from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.randomisation import FRICTION_SHARE
-from lanekeep_env.roads import LimitedSpeed, RoadSpec, RoadWorksRoads, SpeedSpec, road_set, speed_from
+from lanekeep_env.roads import (
+    FileSpeed,
+    LimitedSpeed,
+    RoadSpec,
+    RoadWorksRoads,
+    SpeedSpec,
+    lap_time,
+    road_set,
+    speed_from,
+)
 from lanekeep_env.scenario.base import Channel, Measured, steering_channels
 from lanekeep_env.scenario.effects import Need
 from lanekeep_env.scenario.road import RoadScenario
@@ -23,6 +32,17 @@ _MODELS = {
     ("dynamic", "linear"): models.LINEAR,
     ("dynamic", "magic_formula"): models.MAGIC_FORMULA,
 }
+
+#: Steering that a road asks for by default, rad: usual, widest, and the margin to its sharpest curve.
+_USUAL, _WIDEST, _MARGIN = 0.15, 1.2, 1.5
+#: How much longer a lap takes than the profile of its centre.
+_OUTSIDE = 1.03
+
+
+def steering_range(wheelbase: float, curvature: float) -> float:
+    """Steering angle that action 1 asks for by default, rad: the usual, or more where a curvature (1/m) takes more."""
+    return round(max(_USUAL, min(_MARGIN * math.atan(wheelbase * curvature), _WIDEST)), 3)
+
 
 PREVIEW_INTERVAL = Need(
     "preview_interval",
@@ -39,13 +59,18 @@ class LaneKeepScenario(RoadScenario):
     The fields of `RoadScenario` and these:
 
     Attributes:
-        speed: m/s, or a mapping of `LimitedSpeed`; 0.4 g of lateral acceleration and 180 km/h by default.
+        speed: m/s, a mapping of `LimitedSpeed`, or "file" for what the road's file gives; 0.4 g of lateral acceleration
+            and 180 km/h by default.
         dynamics: "dynamic" (sideslip and tyres) or "kinematic" (no slip).
         tyre: "linear" or "magic_formula" (saturates at friction times load); dynamic car only.
         friction: road friction coefficient; saturating tyres only.
         preview: number of curvature samples in the observation, the first one at the car.
         preview_interval: time between preview samples at the present speed, s.
+        max_steering_angle: by default 0.15 rad, or half as much again as the road's sharpest curve asks for (to a
+            thousandth, 1.2 rad at the most), whichever is more.
     """
+
+    max_steering_angle: float = None  # type: ignore[assignment]  # a number once the road is known
 
     dynamics: str = "dynamic"
     tyre: str = "linear"
@@ -68,6 +93,23 @@ class LaneKeepScenario(RoadScenario):
             lambda s: s.model.saturates,
         ),
     )
+
+    def _settle(self) -> None:
+        if isinstance(self.speed, FileSpeed) and self.speed.maximum is None:
+            largest = max(float(speeds.max()) for _, speeds in road_set(self.road, self.speed))
+            object.__setattr__(self, "speed", FileSpeed(largest))
+        super()._settle()
+        if self.max_steering_angle is None:
+            sharpest = max(road.peak_curvature for road, _ in road_set(self.road, self.speed))
+            object.__setattr__(self, "max_steering_angle", steering_range(self.vehicle.wheelbase, sharpest))
+
+    def _lap(self) -> float:
+        """One pass at the slowest profile; on a closed road a car outside its lane's centre needs longer."""
+        slowed = math.sqrt(self._factor)
+        return max(
+            (_OUTSIDE if road.closed else 1.0) * lap_time(road, speeds) / slowed
+            for road, speeds in road_set(self.road, self.speed)
+        )
 
     def _check(self) -> None:
         choose("dynamics", self.dynamics, ("dynamic", "kinematic"))
@@ -92,12 +134,17 @@ class LaneKeepScenario(RoadScenario):
 
     def _slowest(self) -> float:
         """Lowest speed of the profile on any of the roads, where it is slowed down the most, m/s."""
+        slowest = min(float(speeds.min()) for _, speeds in road_set(self.road, self.speed))
+        return slowest * math.sqrt(self._factor)
+
+    @property
+    def _factor(self) -> float:
+        """By how much the square of the profile's speed is lowered at the most."""
         factor = self.randomisation.speed[0] ** 2
         if self.model.saturates and self.speed.lateral_limit > 0.0:
             grip = FRICTION_SHARE * GRAVITY * self.friction * self.randomisation.friction[0]
             factor = min(factor, grip / self.speed.lateral_limit)
-        slowest = min(float(speeds.min()) for _, speeds in road_set(self.road, self.speed))
-        return slowest * math.sqrt(factor)
+        return factor
 
     def _channels(self) -> list[Channel]:
         seen = Measured()

@@ -8,11 +8,24 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
+import numpy as np
+
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require
-from lanekeep_env.roads import RandomRoads, RoadSpec, road_from
+from lanekeep_env.roads import RandomRoads, Road, RoadSpec, road_from, road_set
 from lanekeep_env.scenario.car import DEPARTURES, CarScenario
 from lanekeep_env.scenario.integration import Integration, rolling, slipping
+
+#: Share of the tightest radius that a lane reaches to inside.
+_REACH = 0.9
+
+
+def _half_width(road: Road) -> float:
+    """Half the width that a road's file gives, m; ValueError without any."""
+    widths = np.full(1, np.nan) if road.beside is None else road.beside[:, 1:3]
+    if np.isnan(widths).all():
+        raise ValueError(f"lane_width='file' is not allowed: road {road.name!r} comes without widths (w_tr_left_m ...)")
+    return min(float(np.nanmin(widths)), _REACH / max(road.peak_curvature, 1e-9))
 
 
 @dataclass(frozen=True)
@@ -24,7 +37,10 @@ class RoadScenario(CarScenario):
             entered ``episode_steps`` before their end.
         start_lateral_error: the start is drawn within this distance of the lane's centre, m.
         start_course_error: the course at the start is drawn within this angle of the road's, rad.
-        lane_width: m; the car departs when its reference point is more than half of it off the centre.
+        lane_width: m; the car departs when its reference point is more than half of it off the centre. "file": twice
+            the smallest distance of an edge from the centre line that the road's file gives, and no more than nine
+            tenths of twice the tightest radius, inside which a lane folds over itself; cars then start within half of
+            that from the centre.
         departure: "terminate" ends the episode, "cost" goes on and charges, "off" ignores departures.
     """
 
@@ -39,6 +55,16 @@ class RoadScenario(CarScenario):
     preview_channel: ClassVar[str] = "curvature_preview_0"
     #: How much road a picture shows, m.
     view: ClassVar[float] = 100.0
+
+    def _settle(self) -> None:
+        super()._settle()
+        if isinstance(self.lane_width, str):
+            choose("lane_width", self.lane_width, ("file",))
+            roads = [road for road, _ in road_set(self.road, self.speed)]
+            half = min(_half_width(road) for road in roads)
+            object.__setattr__(self, "lane_width", round(2.0 * half, 6))
+            require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0)
+            object.__setattr__(self, "start_lateral_error", min(self.start_lateral_error, round(half / 2, 6)))
 
     def _check(self) -> None:
         require("lane_width", self.lane_width, "m", at_least=1e-3, at_most=1e3)
@@ -58,11 +84,19 @@ class RoadScenario(CarScenario):
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
         if self.model.slips:
             return slipping(self.vehicle, self.randomisation, self.base_step, self._slowest, self._fastest)
-        return rolling(self.vehicle, self.base_step, self._fastest, self.largest_angle)
+        try:
+            return rolling(self.vehicle, self.base_step, self._fastest, self.largest_angle)
+        except ValueError:  # which a road on which no car gets so fast does not take
+            return rolling(self.vehicle, self.base_step, min(self._fastest, self._fastest_here()), self.largest_angle)
 
     def _slowest(self) -> float:
         """Lowest speed that an episode can have, m/s; builds the roads."""
         return 0.0
+
+    def _fastest_here(self) -> float:
+        """Largest speed on any of the roads, m/s; builds them."""
+        profiles = [speeds for _, speeds in road_set(self.road, self.speed)]
+        return max(float(speeds.max()) for speeds in profiles) * self.randomisation.speed[1]
 
     @property
     def _fastest(self) -> float:

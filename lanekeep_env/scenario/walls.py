@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -23,11 +23,14 @@ from lanekeep_env.scenario.scan import SCANS, Scan, scan_from
 from lanekeep_env.scenario.servo import Servo, servo_from
 from lanekeep_env.sensing.faults import WALL_SENSOR_SETS, SensorSets
 from lanekeep_env.sensing.ultrasonic import FARTHEST, ULTRASONICS
-from lanekeep_env.walls import Corridor, RandomCircuits, WorldRecord, world_from
+from lanekeep_env.walls import Corridor, MapFile, RandomCircuits, WorldRecord, world_from
 from lanekeep_env.walls.generators import range_of
+from lanekeep_env.walls.map_file import FOUND
 
 #: Largest angle of the road wheel, whatever it is told, rad.
 LARGEST_ANGLE = 1.5
+#: Share of the largest speed at which there is time for a lap.
+_LAP_PACE = 0.25
 
 
 def _offset(value: Any) -> tuple[float, float]:
@@ -290,6 +293,18 @@ class CircuitScenario(WallFollowScenario):
         require("max_acceleration", self.max_acceleration, "m/s²", at_least=1e-3, at_most=1e3)
         require("laps", self.laps, "", at_least=1, at_most=1_000_000, whole=True)
         super()._check()
+
+    def _settle(self) -> None:
+        if isinstance(self.world, MapFile) and self.world.centre_line is None:
+            object.__setattr__(self, "world", replace(self.world, centre_line=FOUND))
+        super()._settle()
+
+    def _lap(self) -> float:
+        """All laps at a quarter of the largest speed."""
+        lengths = [one.length for one in self.world.build() if one.centre_line is not None]
+        if not lengths:
+            return super()._lap()
+        return self.laps * max(lengths) / (_LAP_PACE * self.max_speed)
 
     @property
     def num_actions(self) -> int:

@@ -149,6 +149,8 @@ def sensors_from(
 ) -> Sensors:
     """Read sensors: None (perfect), a named set, or a mapping of measured ``channels`` to `Sensor` or its fields.
 
+    With ``base``, a named set, a mapping says what is changed of that; what a channel leaves out stays as it is there.
+
     Raises:
         ValueError: unknown set, channel or field; the nearest valid one is named.
     """
@@ -163,7 +165,12 @@ def sensors_from(
         return tuple(sets[value].items())
     if not isinstance(value, Mapping):
         raise ValueError(f"sensors={shown(value)} must be {', '.join(sets)} or a mapping of channels to faults")
-    read: dict[str, Sensor] = {}
+    value = dict(value)
+    base = value.pop("base", None)
+    if base is not None:
+        choose("sensors.base", base, sets)
+    usual = {} if base is None else sets[base]
+    read: dict[str, Sensor] = dict(usual)
     for channel, sensor in value.items():
         if channel not in channels:
             raise ValueError(
@@ -171,7 +178,10 @@ def sensors_from(
             )
         if not isinstance(sensor, Sensor | Mapping):
             raise ValueError(f"sensors.{channel}={shown(sensor)} must be a mapping of faults, e.g. {{'noise': 0.01}}")
-        read[channel] = sensor if isinstance(sensor, Sensor) else from_mapping(Sensor, sensor, f"sensors.{channel}")
+        if not isinstance(sensor, Sensor):
+            fields = {**(asdict(usual[channel]) if channel in usual else {}), **sensor}
+            sensor = from_mapping(Sensor, fields, f"sensors.{channel}")
+        read[channel] = sensor
     return tuple((channel, read[channel]) for channel in channels if channel in read)
 
 

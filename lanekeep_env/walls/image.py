@@ -37,18 +37,19 @@ class Grey:
     brightness: Floats
 
 
-def read_grey(data: bytes, name: str) -> Grey:
+def read_grey(data: bytes, name: str, with_alpha: bool = False) -> Grey:
     """Read the content of a PGM or PNG file.
 
     Args:
         data: of the file.
         name: what errors call it.
+        with_alpha: whether the alpha channel counts as a fourth colour, as map_server has it in its mode trinary.
 
     Raises:
         ValueError: it is no such picture, too large or incomplete.
     """
     if data[:8] == b"\x89PNG\r\n\x1a\n":
-        return _read_png(data, name)
+        return _read_png(data, name, with_alpha)
     if data[:2] not in (b"P2", b"P5"):
         raise ValueError(f"{name} is neither PGM (P2, P5) nor PNG")
     return _read_pgm(data, name)
@@ -120,7 +121,7 @@ def _within(levels: Numbers, largest: int, name: str) -> Numbers:
     return levels
 
 
-def _read_png(data: bytes, name: str) -> Grey:
+def _read_png(data: bytes, name: str, with_alpha: bool) -> Grey:
     try:
         from PIL import Image
     except ImportError:
@@ -137,8 +138,10 @@ def _read_png(data: bytes, name: str) -> Grey:
         picture.load()
         if picture.mode.startswith("I"):
             return Grey(np.asarray(picture, dtype=np.uint16), np.arange(65536) / 65535.0)
-        colours = np.asarray(picture.convert("RGB"))
+        alpha = with_alpha and (picture.mode in ("LA", "PA", "RGBA") or "transparency" in picture.info)
+        colours = np.asarray(picture.convert("RGBA" if alpha else "RGB"))
     except Exception as error:
         raise ValueError(f"{name} is not a whole PNG picture: {shown(str(error))}") from None
-    # The mean of the three colours.
-    return Grey(colours.sum(axis=2, dtype=np.uint16), np.arange(3 * 255 + 1) / 3.0 / 255.0)
+    # The mean of the three colours, or of these and alpha.
+    count = colours.shape[2]
+    return Grey(colours.sum(axis=2, dtype=np.uint16), np.arange(count * 255 + 1) / float(count) / 255.0)

@@ -12,12 +12,18 @@ from numpy.typing import NDArray
 
 from lanekeep_env.checks import require, shown
 from lanekeep_env.files import read_bounded
-from lanekeep_env.walls.image import LARGEST_PICTURE, read_grey
+from lanekeep_env.roads.file import read_road
+from lanekeep_env.walls.centre_line import MOST_POINTS, found
+from lanekeep_env.walls.image import LARGEST_PICTURE, Grey, read_grey
 from lanekeep_env.walls.map_yaml import MapSettings, parse_settings
 from lanekeep_env.walls.region import Cells, borders, reached_from
 from lanekeep_env.walls.world import START_CLEARANCE, Floats, World
 
+#: What asks for the middle of the walls as centre line.
+FOUND = "found"
 _LARGEST_YAML = 100_000
+# Points of a centre line times walls: from each point all walls are looked at, which takes some seconds.
+_MOST_CHECKS = 10_000_000
 
 
 def read_map(
@@ -30,6 +36,10 @@ def read_map(
 
     Walls are the exact borders of cells; edges in one line become one wall. Occupied cells are solid, unknown ones
     only if ``unknown_is_wall``. Walls that cannot be reached, and so cannot be seen, are left out.
+
+    Cells are judged as map_server does: in the modes trinary and scale by the picture's brightness against both
+    thresholds (in trinary an alpha channel is averaged in as if it were a fourth colour; elsewhere it is left out); in
+    the mode raw a value from 0 to 100 is the occupancy in percent, more is unknown, and ``negate`` has no meaning.
 
     Args:
         path: of the YAML file; the picture's path is relative to it.
@@ -72,22 +82,41 @@ class MapContent:
         digest = hashlib.sha256(hashlib.sha256(data).digest() + hashlib.sha256(picture).digest()).hexdigest()
         return cls(Path(path), settings, picture, digest)
 
-    def world(self, start: tuple[float, float, float], unknown_is_wall: bool, clearance: float) -> World:
-        """Return the world that `read_map` describes."""
+    def world(
+        self,
+        start: tuple[float, float, float],
+        unknown_is_wall: bool,
+        clearance: float,
+        centre_line: str | Floats | None = None,
+    ) -> World:
+        """Return the world that `read_map` describes, with a centre line if one is asked for (see `MapFile`)."""
         name, settings = f"map {str(self.path)!r}", self.settings
-        grey = read_grey(self.picture, f"{name}: {_image(settings)}")
-        occupancy = grey.brightness if settings.negate else 1.0 - grey.brightness
-        solid = occupancy >= settings.free_thresh if unknown_is_wall else occupancy > settings.occupied_thresh
-        # The brighter the less (or, negated, the more) occupied: the solid levels are the first or the last.
-        count, levels = np.count_nonzero(solid), grey.levels[::-1]
-        free = levels < len(solid) - count if settings.negate else levels >= count
+        grey = read_grey(self.picture, f"{name}: {_image(settings)}", with_alpha=settings.mode == "trinary")
+        free, unknown = _free(grey, settings, unknown_is_wall)
         try:
-            reached = _reached(free, _cell(start, settings, free.shape))
-            segments = _to_world(borders(reached), settings)
+            cell = _cell(start, settings, free.shape)
+            if unknown is not None and unknown[grey.levels[::-1][cell]]:
+                raise ValueError(f"the start lies in unknown cells (cell {cell[1]}, {cell[0]}; mode raw: above 100)")
+            walls = borders(_reached(free, cell))
+            segments = _to_world(walls.reshape(-1, 2), settings).reshape(-1, 4)
+            line = None if centre_line is None else self._centre_line(centre_line, walls)
+            pose = start if line is None else _on_line(line, start)
             glass = np.zeros(len(segments), np.bool_)
-            return World(self.path.stem, segments, glass, np.array([start], dtype=np.float64)).check(clearance)
+            poses = np.array([pose], dtype=np.float64)
+            return World(self.path.stem, segments, glass, poses, line, line is not None).check(clearance)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
+
+    def _centre_line(self, given: str | Floats, walls: NDArray[np.int64]) -> Floats:
+        """Points of the centre line, m: those given, those of a road file, or those in the middle of the walls."""
+        most = int(np.clip(_MOST_CHECKS // len(walls), 60, MOST_POINTS))
+        if isinstance(given, str) and given == FOUND:
+            return _to_world(found(walls, most), self.settings)
+        if isinstance(given, str):
+            road = read_road(given, closed=True)
+            count = min(most, max(16, round(road.length / self.settings.resolution)))
+            return road.position(np.arange(count) * road.length / count)
+        return np.asarray(given, dtype=np.float64)
 
 
 def _content(path: str | Path, largest: int, name: str) -> bytes:
@@ -136,10 +165,33 @@ def _reached(free: Cells, cell: tuple[int, int]) -> Cells:
     return inside
 
 
-def _to_world(cells: NDArray[np.int64], settings: MapSettings) -> Floats:
-    """Cell corners in m, turned and moved by the map's origin; one corner gets one result wherever it occurs."""
+def _free(grey: Grey, settings: MapSettings, unknown_is_wall: bool) -> tuple[Cells, NDArray[np.bool_] | None]:
+    """Free cells, rows from below, and in the mode raw which levels are unknown."""
+    if settings.mode == "raw":
+        percent = np.round(255.0 * grey.brightness)
+        unknown = percent > 100.0
+        solid = unknown & unknown_is_wall | ~unknown & (percent > 100.0 * settings.occupied_thresh)
+        return ~solid[grey.levels[::-1]], unknown
+    occupancy = grey.brightness if settings.negate else 1.0 - grey.brightness
+    solid = occupancy >= settings.free_thresh if unknown_is_wall else occupancy > settings.occupied_thresh
+    # The brighter the less (or, negated, the more) occupied: the solid levels are the first or the last.
+    count, levels = np.count_nonzero(solid), grey.levels[::-1]
+    return (levels < len(solid) - count if settings.negate else levels >= count), None
+
+
+def _on_line(line: Floats, start: tuple[float, float, float]) -> tuple[float, float, float]:
+    """A given start as it is; without one (all 0) the centre line's place that is nearest, in its direction."""
+    if any(start):
+        return start
+    nearest = int(np.argmin(np.hypot(*line.T)))
+    ahead = line[(nearest + 1) % len(line)] - line[nearest - 1]
+    return float(line[nearest, 0]), float(line[nearest, 1]), math.atan2(ahead[1], ahead[0])
+
+
+def _to_world(points: NDArray[np.int64] | Floats, settings: MapSettings) -> Floats:
+    """Points in cells, (..., 2), as points in m, turned and moved by the map's origin; a corner gets one result."""
     x, y, yaw = settings.origin
-    points = settings.resolution * cells.reshape(-1, 2).astype(np.float64)
+    points = settings.resolution * points.astype(np.float64)
     cosine, sine = math.cos(yaw), math.sin(yaw)
     turned = np.column_stack([cosine * points[:, 0] - sine * points[:, 1], sine * points[:, 0] + cosine * points[:, 1]])
-    return (turned + np.array([x, y])).reshape(-1, 4)
+    return turned + np.array([x, y])

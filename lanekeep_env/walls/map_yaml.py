@@ -7,19 +7,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lanekeep_env.checks import require, shown
+from lanekeep_env.checks import nearest, require, shown
+from lanekeep_env.plain_yaml import parse_yaml
 
+MODES = ("trinary", "scale", "raw")
 FIELDS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 
-# A map has some 20 events (values, begins and ends of lists and mappings) and two levels.
+# A map has some 20 events (values, begins and ends of lists and mappings).
 _MOST_EVENTS = 1000
-_DEEPEST = 10
-_LONGEST_VALUE = 4096
 
 
 @dataclass(frozen=True)
 class MapSettings:
-    """What a map's YAML file says: picture, cell size (m), pose of the lower left corner (m, m, rad), thresholds."""
+    """What a map's YAML file says: picture, cell size (m), pose of the lower left corner (m, m, rad), limits, mode."""
 
     image: Path
     resolution: float
@@ -27,6 +27,7 @@ class MapSettings:
     negate: bool
     occupied_thresh: float
     free_thresh: float
+    mode: str = "trinary"
 
 
 def parse_settings(data: bytes, folder: Path) -> MapSettings:
@@ -39,42 +40,13 @@ def parse_settings(data: bytes, folder: Path) -> MapSettings:
     Raises:
         ValueError: one line without the file's name, for the caller to put it in front.
     """
-    try:
-        content = _plain_yaml(data.decode("utf-8"))
-    except UnicodeDecodeError:
-        raise ValueError(f"it is not a text file; expected YAML with {', '.join(FIELDS)}") from None
+    content = parse_yaml(data, _MOST_EVENTS, f"a map's settings: {', '.join(FIELDS)}", "maps")
     if not isinstance(content, Mapping):
         raise ValueError(f"it holds no fields; expected {', '.join(FIELDS)}")
     missing = [field for field in FIELDS if field not in content]
     if missing:
         raise ValueError(f"it lacks {', '.join(missing)}; expected {', '.join(FIELDS)}")
     return _settings(content, folder)
-
-
-def _plain_yaml(text: str) -> Any:
-    """Content of YAML that says everything once: aliases and merge keys grow beyond bounds, tags ask for any type."""
-    try:
-        import yaml
-    except ImportError:
-        raise ValueError("maps need PyYAML: pip install 'lanekeep[maps]'") from None
-    depth = 0
-    try:
-        for count, event in enumerate(yaml.parse(text, Loader=yaml.SafeLoader)):
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            line = f"line {event.start_mark.line + 1}"
-            value = getattr(event, "value", "")
-            if getattr(event, "anchor", None) is not None or getattr(event, "tag", None) is not None or value == "<<":
-                raise ValueError(f"{line}: anchors, aliases, merge keys and tags are not allowed")
-            if count > _MOST_EVENTS or depth > _DEEPEST or len(value) > _LONGEST_VALUE:
-                raise ValueError(f"{line}: it holds more than a map's settings; expected {', '.join(FIELDS)}")
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        place = "" if mark is None else f"line {mark.line + 1}: "
-        problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "it cannot be read"
-        raise ValueError(f"it is not YAML: {place}{' '.join(ascii(problem)[1:-1].split())[:200]}") from None
-    except (ArithmeticError, LookupError) as error:  # of values that look like numbers or dates and are none
-        raise ValueError(f"a value cannot be read: {error}") from None
 
 
 def _settings(content: Mapping[str, Any], folder: Path) -> MapSettings:
@@ -94,8 +66,9 @@ def _settings(content: Mapping[str, Any], folder: Path) -> MapSettings:
         raise ValueError(
             f"free_thresh={content['free_thresh']} must be below occupied_thresh={content['occupied_thresh']}"
         )
-    if content.get("mode", "trinary") != "trinary":
-        raise ValueError(f"mode={shown(content['mode'])} is not supported; allowed: trinary")
+    mode = content.get("mode", "trinary")
+    if not isinstance(mode, str) or mode.lower() not in MODES:
+        raise ValueError(f"mode={shown(mode)} is unknown{nearest(mode, MODES)}; allowed: {', '.join(MODES)}")
     return MapSettings(
         folder / image,
         float(content["resolution"]),
@@ -103,4 +76,5 @@ def _settings(content: Mapping[str, Any], folder: Path) -> MapSettings:
         bool(content["negate"]),
         float(content["occupied_thresh"]),
         float(content["free_thresh"]),
+        mode.lower(),
     )

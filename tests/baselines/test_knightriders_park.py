@@ -77,7 +77,7 @@ def test_half_circles_give_the_servo_s_map_and_its_inverse():
         servo={"angles": angles},
         contact="off",
         max_steering_angle=limit,
-        vehicle={"base": "knightriders", "steering": {}},
+        vehicle={"base": "knightriders", "steering": {"angle_limit": None}},
         max_acceleration=1000.0,
         start_heading_error=0.0,
         start_lateral_error=0.0,

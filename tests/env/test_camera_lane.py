@@ -18,7 +18,7 @@ from lanekeep_env import layout as at
 ID, TURN_OFF = "lanekeep/CameraLane-v0", "lanekeep/TurnOff-v0"
 BASE = 3.0
 #: The road wheel follows at once.
-IDEAL = {"base": "van", "steering": {"lag": 0.0}}
+IDEAL = {"base": "van", "steering": {"lag": 0.0, "rate_limit": None, "angle_limit": None, "backlash": 0.0}}
 
 
 def make(cars, name=ID, **keywords):
@@ -338,7 +338,7 @@ def random_keywords(rng):
         "speed": pick(
             0.0,
             float(rng.uniform(0.0, 20.0)),
-            {"maximum": 0.0},
+            {"minimum": 0.0, "maximum": 0.0},
             {"minimum": low, "maximum": low + 2.0, "hold": pick(None, 0.2, 2.0), "standstill": pick(0.0, 0.3, 1.0)},
             {"acceleration": pick(0.2, 50.0), "lateral_acceleration": pick(None, 0.3, 8.0), "hold": 0.4},
         ),

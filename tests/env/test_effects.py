@@ -23,7 +23,12 @@ IDS = sorted(lanekeep_env.ENVIRONMENTS)
 CONSTANT = {"minimum": 2.0, "maximum": 2.0, "standstill": 0.0, "lateral_acceleration": None}
 #: Scenarios in which something has no effect that has one elsewhere; the defaults are always tried.
 ROAD = [{"dynamics": "kinematic"}, {"preview": 1}, {"action": "steering_rate"}, {"cost_weight": 0.0}]
-CAMERA = [{"plan": 1}, {"speed": CONSTANT}, {"cost_weight": 0.0}, {"vehicle": {"base": "van", "steering": {}}}]
+CAMERA = [
+    {"plan": 1},
+    {"speed": CONSTANT},
+    {"cost_weight": 0.0},
+    {"vehicle": {"base": "van", "steering": {"lag": 0.0, "rate_limit": None, "angle_limit": None, "backlash": 0.0}}},
+]
 WALLS = [{"dynamics": "dynamic"}, {"scan": "perfect"}, {"action": "steering_rate"}]
 SCENARIOS = {
     "LaneKeep": [*ROAD, {"tyre": "magic_formula"}],

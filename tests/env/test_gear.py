@@ -30,7 +30,10 @@ def run(commands, name=CAMERA, dt=0.01, **steering):
         control_step=dt,
         episode_steps=1_000_000,
         speed=1.0,
-        vehicle={"base": "van" if name == CAMERA else "yin", "steering": {"lag": LAG, **steering}},
+        vehicle={
+            "base": "van" if name == CAMERA else "yin",
+            "steering": {"rate_limit": None, "angle_limit": None, "backlash": 0.0, "lag": LAG, **steering},
+        },
     )
     env.reset(seed=0, options={"heading_error": 0.0, "lateral_error": 0.0})
     motor, wheel = [], []
@@ -188,13 +191,16 @@ def test_lane_keeping_has_the_same_gear(keywords):
 
 
 def test_without_a_gap_there_is_no_gear():
-    assert gym.make(CAMERA, vehicle={"base": "van", "steering": {"lag": LAG}}).unwrapped._core._gear() is None
+    assert (
+        gym.make(CAMERA, vehicle={"base": "van", "steering": {"lag": LAG, "backlash": 0.0}}).unwrapped._core._gear()
+        is None
+    )
 
 
 @pytest.mark.parametrize(
     ("steering", "words"),
     [
-        ({"backlash": 0.1}, ["steering.backlash=0.1", "lag"]),
+        ({"backlash": 0.1, "lag": 0.0}, ["steering.backlash=0.1", "lag"]),
         ({"backlash": -0.1, "lag": 0.1}, ["steering.backlash=-0.1", ">= 0", "rad"]),
         ({"backlash": 0.7, "lag": 0.1}, ["steering.backlash=0.7", "<= 0.5"]),
         ({"feedback": "wheel"}, ["steering.feedback='wheel'", "road_wheel", "motor"]),

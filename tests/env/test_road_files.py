@@ -107,7 +107,7 @@ def test_the_fingerprint_is_the_content(tmp_path):
     assert road_from(str(first)) == RoadFile(str(first))
 
 
-LINE = [f"{10 * k}, {k % 3}" for k in range(20)]
+LINE = [f"{10 * k}, {k * k}" for k in range(20)]
 
 
 @pytest.mark.parametrize(
@@ -117,13 +117,14 @@ LINE = [f"{10 * k}, {k % 3}" for k in range(20)]
         (["# only a comment"], ["empty"]),
         (LINE[:5], ["5 points", "at least 8"]),
         ([*LINE[:9], "90, abc", *LINE[9:]], ["line 10", "'abc'", "not a number"]),
-        ([*LINE[:9], LINE[8], *LINE[9:]], ["line 10", "same point", "line 9"]),
+        ([*LINE[:9], *[LINE[8]] * 30], ["most points are the same", "must differ"]),
         ([*LINE[:9], "1, 2, 3", *LINE[9:]], ["line 10", "3 columns", "2"]),
         ([*LINE[:9], "nan, 2", *LINE[9:]], ["line 10", "not finite"]),
         ([*LINE[:9], "1e6, 2", *LINE[9:]], ["line 10", "200 m"]),
         ([f"{x}, -3, 2" for x in LINE], ["line 1", "width", ">= 0"]),
-        ([f"{0.1 * k}, 0" for k in range(20)], ["long", "at least 30 m"]),
-        ([f"{10 * k}, {30 * (k % 2)}" for k in range(30)], ["misses a point", "0.1 m"]),
+        ([f"{0.1 * k}, 0" for k in range(20)], ["long", "at least 3 m", "x_km"]),
+        ([f"{10 * k}, {30 * (k % 2)}" for k in range(30)], ["misses a point", "0.1 m", "smoothing="]),
+        ([f"{10 * k}, {k % 2}" for k in range(30)], ["misses a point", "scatter by about", "smoothing="]),
     ],
 )
 def test_bad_files_are_named_in_one_line(tmp_path, lines, words):

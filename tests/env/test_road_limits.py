@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from lanekeep_env.roads import Road, RoadFile, read_road
-from lanekeep_env.roads.file import FARTHEST, LARGEST_FILE, LONGEST_LINE, MOST_LINES, MOST_POINTS
+from lanekeep_env.roads.file import FARTHEST, LARGEST_FILE
+from lanekeep_env.roads.readers.drawing import MOST_POINTS
+from lanekeep_env.roads.readers.table import LONGEST_LINE, MOST_LINES
 from lanekeep_env.roads.road import MOST_SEGMENTS, MOST_TURN
 
-LINE = [f"{10 * k}, {k % 2}" for k in range(20)]
+LINE = [f"{10 * k}, {k * k}" for k in range(20)]
 
 
 def write(path, points):

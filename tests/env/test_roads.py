@@ -171,7 +171,7 @@ def test_random_roads_are_reproducible_and_as_described():
     assert 0.8 < lefts / rights < 1.25
 
 
-@pytest.mark.parametrize("kind", [kind for kind in ROADS if kind != "file"])
+@pytest.mark.parametrize("kind", [kind for kind in ROADS if kind not in ("file", "points", "clothoids")])
 def test_records_round_trip(kind):
     record = road_from(kind)
     assert road_from(record.to_dict()) == record

@@ -20,7 +20,11 @@ def spin(vehicle, v, angle, changes):
     env = gym.make(
         "lanekeep/LaneKeep-v0",
         max_episode_steps=400,
-        vehicle={"base": vehicle, **changes, "steering": {"lag": 0.0}},
+        vehicle={
+            "base": vehicle,
+            **changes,
+            "steering": {"lag": 0.0, "rate_limit": None, "angle_limit": None, "backlash": 0.0},
+        },
         tyre="magic_formula",
         road="straight",
         speed=v,

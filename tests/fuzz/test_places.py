@@ -12,7 +12,7 @@ import pytest
 from harness import Watch, drive
 
 
-@pytest.mark.parametrize("kind", ["road", "map"])
+@pytest.mark.parametrize("kind", ["road", "map", "car"])
 def test_damaged_places_are_read_or_refused_in_one_line(kind):
     assert places.run(150, 7, kind, bombs=False) == []
 

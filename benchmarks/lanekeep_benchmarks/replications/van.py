@@ -19,7 +19,10 @@ from lanekeep_env.scenario import CameraLaneScenario
 Floats = NDArray[np.float64]
 
 #: The article's van without backlash, of which its linear model knows nothing.
-NO_BACKLASH = {"base": "van", "steering": {"lag": 0.25, "rate_limit": math.radians(20.0), "angle_limit": 0.6}}
+NO_BACKLASH = {
+    "base": "van",
+    "steering": {"lag": 0.25, "rate_limit": math.radians(20.0), "angle_limit": 0.6, "backlash": 0.0},
+}
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lanekeep_benchmarks.suites.own_road import OWN_ROAD, lap_time, road_suite
+from lanekeep_benchmarks.suites.own_road import OWN_ROAD, road_suite
 from lanekeep_benchmarks.suites.reader import ENDING, read_suite
 from lanekeep_benchmarks.suites.records import Suite, SuiteScenario
 from lanekeep_env.checks import nearest, shown, shown_path
@@ -16,7 +16,6 @@ __all__ = [
     "Suite",
     "SuiteScenario",
     "find_suite",
-    "lap_time",
     "read_suite",
     "road_suite",
 ]

@@ -1,0 +1,104 @@
+"""CommonRoad scenarios: the middle between the bounds of lanelets that follow one another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from lanekeep_env.checks import shown
+from lanekeep_env.roads.readers.drawing import MOST_POINTS, Choice, Drawing
+from lanekeep_env.roads.readers.markup import as_number, parse_xml
+from lanekeep_env.roads.road import Floats
+
+_MOST_LANELETS = 100_000
+
+
+def read_commonroad(content: bytes, name: str, choice: Choice) -> Drawing:
+    """Read a chain of lanelets of a CommonRoad scenario.
+
+    Raises:
+        ValueError: it is no such file, or has not what is asked for.
+    """
+    root = parse_xml(content, name)
+    if root.tag == "OpenDRIVE":
+        raise ValueError(f"{name} holds OpenDRIVE; name it with the ending .xodr")
+    if root.tag != "commonRoad":
+        raise ValueError(f"{name} is XML, but its root is not <commonRoad>; roads in XML are .xodr, .gpx and .kml, too")
+    lanelets = {one.get("id", ""): one for one in root.findall("lanelet")}
+    if not 1 <= len(lanelets) <= _MOST_LANELETS:
+        raise ValueError(f"{name} has {len(lanelets)} lanelets; allowed are 1 to {_MOST_LANELETS}")
+    if choice.track is not None:
+        ids = [one.strip() for one in choice.track.split(",")]
+        for one in ids:
+            if one not in lanelets:
+                some = ", ".join(shown(key) for key in list(lanelets)[:8])
+                raise ValueError(f"{name}: track: lanelet {shown(one)} is not there; allowed: {some} ...")
+        told = f"{len(ids)} lanelets as given"
+    else:
+        ids = _longest(lanelets, name)
+        listed = ", ".join(one[:12] for one in ids[:8]) + (" ..." if len(ids) > 8 else "")
+        told = f"of {len(lanelets)} lanelets: {listed} (track= takes others)"
+    left, right = (np.concatenate([_bound(lanelets[one], side, name) for one in ids]) for side in ("left", "right"))
+    if len(left) > MOST_POINTS:
+        raise ValueError(f"{name} has {len(left)} points; allowed are {MOST_POINTS}")
+    half = 0.5 * np.hypot(*(left - right).T)
+    return Drawing(0.5 * (left + right), widths=np.column_stack([half, half]), assumed=(told,))
+
+
+def _bound(lanelet: Element, side: str, name: str) -> Floats:
+    points = lanelet.findall(f"{side}Bound/point")
+    what = f"{name}: lanelet {shown(lanelet.get('id'))}"
+    other = len(lanelet.findall(f"{'right' if side == 'left' else 'left'}Bound/point"))
+    if len(points) < 2 or len(points) != other:
+        raise ValueError(
+            f"{what} has {len(points)} and {other} points on its bounds; allowed are two or more, equally many"
+        )
+    return np.array([[as_number(point.findtext(axis), f"{what} {axis}") for axis in ("x", "y")] for point in points])
+
+
+def _longest(lanelets: Mapping[str, Element], name: str) -> list[str]:
+    """The longest chain of lanelets, each followed by one of its successors; none twice."""
+    after = {
+        one: [ref.get("ref", "") for ref in lanelet.findall("successor") if ref.get("ref", "") in lanelets]
+        for one, lanelet in lanelets.items()
+    }
+    length = {one: _length(lanelet, name) for one, lanelet in lanelets.items()}
+    best: list[str] = []
+    reach: dict[str, float] = {}
+    # From the ends backwards: what follows is known first. What leads into itself counts once.
+    for one in _finished(after):
+        reach[one] = length[one] + max((reach.get(other, 0.0) for other in after[one]), default=0.0)
+    first = max(lanelets, key=lambda one: reach[one])
+    seen: set[str] = set()
+    step: str | None = first
+    while step is not None and step not in seen:
+        best.append(step)
+        seen.add(step)
+        open_ones = [other for other in after[step] if other not in seen]
+        step = max(open_ones, key=lambda one: reach[one], default=None)
+    return best
+
+
+def _finished(after: Mapping[str, list[str]]) -> list[str]:
+    """All lanelets, each behind those that follow it but for what runs in circles (depth first)."""
+    order: list[str] = []
+    state: dict[str, int] = {}
+    for start in after:
+        stack = [start]
+        while stack:
+            one = stack[-1]
+            if state.get(one, 0) == 0:
+                state[one] = 1
+                stack += [other for other in after[one] if state.get(other, 0) == 0]
+            else:
+                stack.pop()
+                if state[one] == 1:
+                    state[one] = 2
+                    order.append(one)
+    return order
+
+
+def _length(lanelet: Element, name: str) -> float:
+    return float(np.hypot(*np.diff(_bound(lanelet, "left", name), axis=0).T).sum())
