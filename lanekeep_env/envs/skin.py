@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import operator
+from copy import copy
 from typing import Any, ClassVar
 
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 
 from lanekeep_env.checks import choose, shown
@@ -27,6 +29,20 @@ class Skin:
     further: ClassVar[tuple[tuple[str, int], ...]] = ()
     scenario: Any
     _core: Any
+    _spec: EnvSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium made the environment from; its ``max_episode_steps`` is what this scenario's episodes have."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        # None is registered: a number there would cut every longer `episode_steps`. Trainers read it here.
+        if spec is not None and spec.max_episode_steps is None:
+            spec = copy(spec)
+            spec.max_episode_steps = self.scenario.episode_steps
+        self._spec = spec
 
     @staticmethod
     def make_cars(*arguments: Any) -> Any:

@@ -249,7 +249,7 @@ def test_the_row_names_the_scenario_and_all_forms_have_its_length(name):
     single, vector = gym.make(name), gym.make_vec(name, 2, "vector_entry_point")
     for env in (single, vector):
         assert type(env.unwrapped).scenario_class is row.scenario is type(env.unwrapped.scenario)
-        assert env.spec.max_episode_steps is None  # a limit beside the scenario's would cut longer episodes short
+        assert env.spec.max_episode_steps == env.unwrapped.scenario.episode_steps  # which no wrapper cuts short
         assert env.unwrapped.channels == single.unwrapped.channels
     lengths = re.findall(r"Truncated after\s+`episode_steps` \((\d+)\)", type(single.unwrapped).__doc__)
     assert lengths == [str(row.scenario().episode_steps)]
