@@ -13,19 +13,19 @@ def make(scenario):
     """Build the solver once; every car gets a controller of its own."""
     car = scenario.vehicle
     m, jz, lf, lr = car.mass, car.yaw_inertia, car.cg_to_front_axle, car.cg_to_rear_axle
-    cf, cr = car.front_cornering_stiffness, car.rear_cornering_stiffness
-    x, u = ca.MX.sym("x", 5, STEPS + 1), ca.MX.sym("u", STEPS)  # lateral, heading, slip, yaw rate, angle; its rate
+    cf, cr, lag = car.front_cornering_stiffness, car.rear_cornering_stiffness, max(car.steering.lag, 0.02)
+    x, u = ca.MX.sym("x", 5, STEPS + 1), ca.MX.sym("u", STEPS)  # lateral, heading, slip, yaw rate, angle; command
     start, v, curve = ca.MX.sym("start", 5), ca.MX.sym("v"), ca.MX.sym("curve", STEPS)
     a = ca.blockcat([[0, v, v, 0, 0], [0, 0, 0, 1, 0],
                      [0, 0, -(cf + cr) / (m * v), (cr * lr - cf * lf) / (m * v**2) - 1, cf / (m * v)],
                      [0, 0, (cr * lr - cf * lf) / jz, -(cf * lf**2 + cr * lr**2) / (jz * v), cf * lf / jz],
-                     [0, 0, 0, 0, 0]])  # fmt: skip
+                     [0, 0, 0, 0, -1 / lag]])  # fmt: skip
     step = ca.inv(ca.DM.eye(5) - EVERY / 2 * a)  # the trapezoidal rule
     rows, cost = [x[:, 0] - start], 0
     for k in range(STEPS):
-        drive = ca.vertcat(0, -v * curve[k], 0, 0, u[k]) * EVERY
+        drive = ca.vertcat(0, -v * curve[k], 0, 0, u[k] / lag) * EVERY
         rows.append(x[:, k + 1] - step @ (x[:, k] + EVERY / 2 * a @ x[:, k] + drive))
-        cost += (x[0, k + 1] / 0.5) ** 2 + (u[k] / 0.1) ** 2  # the benchmark's own running cost
+        cost += (x[0, k + 1] / 0.5) ** 2 + ((x[4, k + 1] - x[4, k]) / EVERY / 0.1) ** 2  # the benchmark's own
     qp = {"x": ca.vertcat(ca.vec(x), u), "f": cost, "g": ca.vertcat(*rows), "p": ca.vertcat(start, v, curve)}
     solve = ca.qpsol("mpc", "osqp", qp, {"print_time": False, "error_on_fail": False, "osqp": {"verbose": False}})
     column = {channel.name: place for place, channel in enumerate(scenario.channels)}
@@ -33,15 +33,14 @@ def make(scenario):
     first, scale = 5 * (STEPS + 1), scenario.max_steering_angle
 
     class Car:
-        guess = np.zeros(first + STEPS)
+        guess, slip = np.zeros(first + STEPS), 0.0
 
         def act(self, seen):
             speed, yaw = max(seen[column["speed"]], 3.0), seen[column["yaw_rate"]]
-            slip = lr * yaw / speed - m * lf * speed * yaw / (cr * car.wheelbase)  # that of a steady curve
-            state = seen[column["lateral_error"]], seen[column["heading_error"]], slip, yaw
+            state = seen[column["lateral_error"]], seen[column["heading_error"]], self.slip, yaw
             found = solve(x0=self.guess, lbg=0, ubg=0, p=[*state, seen[column["steering_angle"]], speed, *seen[ahead]])
             self.guess = found["x"]
-            wanted = seen[column["steering_angle"]] + float(found["x"][first]) * (EVERY + car.steering.lag)
-            return wanted / scale
+            self.slip = float(found["x"][2] + (found["x"][7] - found["x"][2]) * scenario.control_step / EVERY)  # believed
+            return float(found["x"][first]) / scale
 
     return OneByOne(Car)
