@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lanekeep_agents.policy_record import PolicyRecord
 from lanekeep_env.checks import shown
+from lanekeep_env.physics.parameters import VEHICLES
 from lanekeep_env.roads.specs import ROADS, RoadFile
 from lanekeep_env.walls.specs import WORLDS, MapFile
 
@@ -30,6 +31,13 @@ def refuse_files(record: PolicyRecord) -> None:
                 f"policy {record.name!r}: scenario.{field}={shown(value)} is not allowed: no file is opened for a "
                 f"policy; pass the scenario to drive, or allow_files=True if you trust it; allowed: {', '.join(kinds)}"
             )
+    vehicle = record.scenario.get("vehicle", {})
+    based = vehicle.get("base", "") if isinstance(vehicle, Mapping) else vehicle
+    if not isinstance(based, str) or (based and based not in VEHICLES):
+        raise ValueError(
+            f"policy {record.name!r}: scenario.vehicle={shown(vehicle)} is not allowed: no file is opened for a "
+            f"policy; pass the scenario to drive, or allow_files=True if you trust it; allowed: {', '.join(VEHICLES)}"
+        )
 
 
 def one_line(text: object) -> str:

@@ -40,7 +40,9 @@ def make(scenario):
             state = seen[column["lateral_error"]], seen[column["heading_error"]], self.slip, yaw
             found = solve(x0=self.guess, lbg=0, ubg=0, p=[*state, seen[column["steering_angle"]], speed, *seen[ahead]])
             self.guess = found["x"]
-            self.slip = float(found["x"][2] + (found["x"][7] - found["x"][2]) * scenario.control_step / EVERY)  # believed
+            self.slip = float(
+                found["x"][2] + (found["x"][7] - found["x"][2]) * scenario.control_step / EVERY
+            )  # believed
             return float(found["x"][first]) / scale
 
     return OneByOne(Car)

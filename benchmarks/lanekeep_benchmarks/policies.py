@@ -61,10 +61,17 @@ def check_policy(name: str) -> None:
         raise ValueError(
             f"policy {shown(name)} is code, which only a person may name: on the command line (--policies) or in Python"
         )
-    elif name not in (known := known_policies()):
-        raise ValueError(
-            f"policy {shown(name)} is unknown{nearest(name, known)}; allowed: {', '.join(known)}, or a {FILE} file"
-        )
+    elif name not in known_policies():
+        raise ValueError(_unknown(name))
+
+
+def _unknown(name: str) -> str:
+    """What to say of a name that no policy has."""
+    classical = ", ".join(lanekeep_baselines.names())
+    return (
+        f"policy {shown(name)} is unknown{nearest(name, known_policies())}; allowed: {classical}, a learned one "
+        f"(lanekeep zoo lists them), or a {FILE} file"
+    )
 
 
 def entry_of(given: Any, code: bool = True) -> Entry:
@@ -85,11 +92,7 @@ def entry_of(given: Any, code: bool = True) -> Entry:
     if code and is_code(given) and not given.endswith(FILE):
         return _own(given, load_factory(given))
     if code and given not in known_policies() and not given.endswith(FILE):
-        known = known_policies()
-        raise ValueError(
-            f"policy {shown(given)} is unknown{nearest(given, known)}; allowed: {', '.join(known)}, a {FILE} file, or "
-            f"code of your own, {FORMS}"
-        )
+        raise ValueError(f"{_unknown(given)}, or code of your own, {FORMS}")
     check_policy(given)
     registered = lanekeep_baselines.registered(given)
     if registered is not None:

@@ -53,7 +53,9 @@ def test_envs_lists_every_id_with_its_channels():
     assert channels["lateral_error"]["unit"] == "m"
     # Every keyword says what it means.
     assert all(keyword["meaning"] for entry in found for keyword in entry["keywords"]), found
-    one = RUNNER.invoke(app, ["envs", "LaneKeep-v0"]).output
+    one = " ".join(
+        re.sub("[│┃]", " ", RUNNER.invoke(app, ["envs", "LaneKeep-v0"], env={"COLUMNS": "160"}).output).split()
+    )
     assert "curvature samples in the observation" in one and "yaw_rate" in one and "Circuit" not in one
 
 

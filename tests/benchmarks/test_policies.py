@@ -144,7 +144,7 @@ def test_other_suites_leave_the_zoo_out_unless_asked(zoo):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ("ppo-lane-kep-seed0", ["did you mean 'ppo-lane-keep-seed0'", "stanley", "sac-ahead", ".json"]),
+        ("ppo-lane-kep-seed0", ["did you mean 'ppo-lane-keep-seed0'", "stanley", "lanekeep zoo", ".json"]),
         ("stanly", ["did you mean 'stanley'"]),
         ("nowhere.json", ["'nowhere.json'", "no such file"]),
         ("pd,sac-ahead", ["sac-ahead cannot drive slalom of short", "curvature_preview_19"]),

@@ -19,7 +19,11 @@ class MyController(SteeringPolicy):
     """Two gains, and what the nominal car needs in a steady curve."""
 
     name = "my-controller"
-    reads = ("lateral_error", "heading_error", "speed")  # channels that it cannot do without; lanekeep envs lists all of them
+    reads = (
+        "lateral_error",
+        "heading_error",
+        "speed",
+    )  # channels that it cannot do without; lanekeep envs lists all of them
     uses = ("curvature_preview_0",)  # channels that it reads where they are there: with preview=1 or more
     memory = 0  # numbers that it remembers from one step to the next
 

@@ -175,7 +175,7 @@ def test_stretches_are_what_keeps_noise_of_the_speed_out() -> None:
     clean = excited_drive(0, noise=SILENT, step=0.02)
     expected = truth(VEHICLES["yin"])
     whole, cut = [], []
-    for seed in range(3):
+    for seed in range(6):
         run = SensorNoise().added_to(clean, seed)
         whole.append(off(identify(run, stretch=None), expected))
         cut.append(off(identify(run), expected))
