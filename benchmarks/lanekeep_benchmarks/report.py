@@ -6,8 +6,6 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from rich.console import Console
-from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -76,45 +74,47 @@ def terminal_table(scenario: dict[str, Any], reference: str, width: int) -> Tabl
     count = len(headings(columns, reference))
     # The rate and the first metric stay; then the last column, the difference, and the metrics from the last on.
     order = [1, 2, count - 1, *range(count - 2, 2, -1)]
-    tables = (
-        _table(scenario, reference, columns, order[:kept], folded)
-        for kept in range(len(order), 0, -1)
-        for folded in ((0,) if kept == len(order) else (0, 20, 12))
-    )
-    table = next(tables)
-    while _narrowest(table) > width:
-        narrower = next(tables, None)
-        if narrower is None:
-            break
-        table = narrower
-    return table
+    for kept in range(len(order), 0, -1):
+        for folded in (0,) if kept == len(order) else (0, 20, 12):
+            table = _table(scenario, reference, order[:kept], folded, width)
+            if table is not None:
+                return table
+    return _table(scenario, reference, order[:1], 12, 10 * width) or Table()
 
 
-def _narrowest(table: Table) -> int:
-    """Columns of text that show all of a table."""
-    there = Console(width=1000)
-    return Measurement.get(there, there.options, table).minimum
+def _table(scenario: dict[str, Any], reference: str, places: Sequence[int], folded: int, width: int) -> Table | None:
+    """The table with the headings at ``places``, None where it is too wide.
 
-
-def _table(
-    scenario: dict[str, Any], reference: str, columns: Sequence[Column], places: Sequence[int], folded: int
-) -> Table:
-    """The table with the headings at ``places``; names of policies are broken at a hyphen where they are longer."""
-    # Text, because plain strings are markup, which eats the units' brackets.
+    Names of policies longer than ``folded`` are broken at a hyphen, headings at their words, numbers nowhere.
+    """
+    columns = columns_of(scenario["policies"])
     names = headings(columns, reference)
-    left = f" ({len(names) - 1 - len(places)} columns more: a wider terminal)" if len(places) < len(names) - 1 else ""
+    places = sorted(places)
+    labels = [_folded(row["policy"], folded) for row in scenario["policies"]]
+    rows = [["\n".join(cell).rstrip() for cell in cells(row, columns)] for row in scenario["policies"]]
+    least = [_longest(["policy", *labels])]
+    least += [_longest([*names[place].split(), *(texts[place - 1] for texts in rows)]) for place in places]
+    lengths = [0, *(len(names[place]) for place in places)]
+    spare = width - sum(least) - 3 * len(least) - 1  # a border and a space on both sides
+    if spare < 0:
+        return None
+    for _ in range(spare):  # to the heading that takes the most lines
+        column = max(range(len(least)), key=lambda k: lengths[k] / least[k])
+        least[column] += 1 if lengths[column] > least[column] else 0
+    # Text, because plain strings are markup, which eats the units' brackets.
+    left = f" ({len(names) - 1 - len(places)} more in a wider terminal)" if len(places) < len(names) - 1 else ""
     table = Table(title=Text(scenario["title"] + left, style="bold"), title_justify="left")
-    table.add_column("policy", no_wrap=True)
-    rows = [list(map("\n".join, cells(row, columns))) for row in scenario["policies"]]
-    for place in sorted(places):
-        # Headings are broken at their words, numbers nowhere.
-        widest = max(len(line) for texts in rows for line in texts[place - 1].split("\n"))
-        table.add_column(Text(names[place]), justify="right", min_width=widest)
-    for row, texts in zip(scenario["policies"], rows, strict=True):
+    table.add_column("policy", width=least[0])
+    for place, wide in zip(places, least[1:], strict=True):
+        table.add_column(Text(names[place]), justify="right", width=wide)
+    for row, label, texts in zip(scenario["policies"], labels, rows, strict=True):
         style = "dim" if row["failure_rate"]["value"] > 0.5 else ""
-        numbers = (Text(texts[place - 1].rstrip(), no_wrap=True) for place in sorted(places))
-        table.add_row(Text(_folded(row["policy"], folded)), *numbers, style=style)
+        table.add_row(Text(label), *(Text(texts[place - 1]) for place in places), style=style)
     return table
+
+
+def _longest(texts: Sequence[str]) -> int:
+    return max(len(line) for text in texts for line in text.split("\n"))
 
 
 def _folded(name: str, width: int) -> str:

@@ -78,6 +78,9 @@ def test_tables_fit_the_terminal_and_never_cut_a_number(finished, width, monkeyp
         shown = re.findall(r"(?<![\w.\[/])[+-]?\d+\.\d+(?:…[+-]?\d+\.\d+)?(?: [▲▼])?", text.partition("┡")[2])
         assert shown and all(number.strip() in known for number in shown), set(shown) - known
         assert len(shown) >= 4 * len(rows)
+        words = re.sub(r"[│┃┏┓┳━┡╇┩]", " ", text.partition("┡")[0]).split()
+        for heading in ("failure", "lateral", "policy"):  # no word of a heading is cut either
+            assert heading in words and not any(word.endswith("…") for word in words)
 
 
 @pytest.fixture(scope="module")
