@@ -156,7 +156,13 @@ class SteeringPolicy(Declared):
             raise ValueError(f"state has shape {memory.shape}, allowed: {(n, self.memory)}, as predict returned it")
         if state is not None and episode_start is not None:
             fresh = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), (n,))
-        command, following = self.command(at, memory, fresh)
+        told = self.command(at, memory, fresh)
+        if not (isinstance(told, tuple) and len(told) == 2):
+            raise TypeError(
+                f"{type(self).__name__}.command returned {type(told).__name__}; it must return two things, the "
+                "commands (n,) and the next memory, None without one"
+            )
+        command, following = told
         action = self._action(command, at).astype(np.float32)
         if single:
             return action[0], None if following is None else following[0]

@@ -102,9 +102,13 @@ class EpisodeResult:
 
 @dataclass(frozen=True)
 class Step:
-    """What one control step of all cars brought; ``alive`` (n,) marks cars whose episode it belongs to."""
+    """What one control step of all cars brought; ``alive`` (n,) marks cars whose episode it belongs to.
+
+    ``seen`` is what the action was computed from, ``observation`` what came after it, with reward and info.
+    """
 
     alive: NDArray[np.bool_]
+    seen: NDArray[np.float32]
     observation: NDArray[np.float32]
     action: NDArray[np.float32]
     reward: NDArray[np.float64]
@@ -157,8 +161,9 @@ def drive(env: Any, policy: Policy, seeds: Sequence[int], options: Mapping[str, 
     alive = start.copy()
     while alive.any():
         action, state = policy.predict(observation, state, start)
+        seen = observation
         observation, reward, terminated, truncated, info = env.step(action)
-        yield Step(alive, observation, action, reward, info)
+        yield Step(alive, seen, observation, action, reward, info)
         start = np.zeros_like(start)
         # A car whose episode has ended starts another episode by itself; that is driven on, but not counted.
         alive = alive & ~(terminated | truncated)

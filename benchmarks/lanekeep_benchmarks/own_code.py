@@ -26,6 +26,8 @@ SOURCE = ".py"
 #: Bytes beyond which a file of code is not read.
 LARGEST_SOURCE = 1 << 22
 FORMS = "module:factory or path/to/file.py:factory"
+#: Files that a module of a user's imported from beside it, by its name.
+_BESIDE: dict[str, list[Path]] = {}
 
 
 class OwnCodeError(ValueError):
@@ -61,7 +63,10 @@ def _from_module(text: str, where: str) -> ModuleType:
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())
     try:
-        return importlib.import_module(where)
+        before = set(sys.modules)
+        module = importlib.import_module(where)
+        _note_beside(module, before)
+        return module
     except ModuleNotFoundError as error:
         if error.name is None or not f"{where}.".startswith(f"{error.name}."):
             raise _failed(text, error) from error
@@ -86,13 +91,28 @@ def _from_file(text: str, path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    before = set(sys.modules)
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
+        _note_beside(module, before)
     except Exception as error:
         del sys.modules[name]
         raise _failed(text, error) from error
     return module
+
+
+def _note_beside(module: ModuleType, before: set[str]) -> None:
+    """Keep which files of its own folder a module has imported: they are part of the controller."""
+    own = getattr(module, "__file__", None)
+    if own is None:
+        return
+    folder = Path(own).resolve().parent
+    others = (getattr(sys.modules[name], "__file__", None) for name in set(sys.modules) - before)
+    files = {Path(file).resolve() for file in others if file is not None}
+    _BESIDE[module.__name__] = sorted(
+        file for file in files if file.is_relative_to(folder) and file != Path(own).resolve()
+    )
 
 
 def _failed(text: str, error: Exception) -> OwnCodeError:
@@ -100,8 +120,6 @@ def _failed(text: str, error: Exception) -> OwnCodeError:
     if isinstance(error, OwnCodeError):
         return error
     where = ""
-    if isinstance(error, SyntaxError):
-        where = f" ({error.filename}, line {error.lineno})"
     for frame in traceback.extract_tb(error.__traceback__):
         ours = frame.filename.startswith("<frozen") or frame.filename == __file__
         packages = f"{os.sep}site-packages{os.sep}" in frame.filename
@@ -111,10 +129,20 @@ def _failed(text: str, error: Exception) -> OwnCodeError:
 
 
 def sha256_of(factory: Any) -> str | None:
-    """SHA-256 of the file that holds a function's or a class's code, an object's class; None where there is none."""
+    """SHA-256 of the code of a function, a class or an object's class; None where there is no file.
+
+    It is that of its file and, where a person named that, of what the file imported from its own folder as it was
+    imported itself.
+    """
     try:
-        file = inspect.getsourcefile(factory if hasattr(factory, "__code__") else inspect.unwrap(_class_of(factory)))
-        return None if file is None else hashlib.sha256(read_bounded(file, LARGEST_SOURCE)).hexdigest()
+        thing = factory if hasattr(factory, "__code__") else inspect.unwrap(_class_of(factory))
+        file = inspect.getsourcefile(thing)
+        if file is None:
+            return None
+        digest = hashlib.sha256(read_bounded(file, LARGEST_SOURCE))
+        for beside in _BESIDE.get(thing.__module__, ()):
+            digest.update(b"\0" + read_bounded(beside, LARGEST_SOURCE))
+        return digest.hexdigest()
     except (TypeError, OSError, ValueError):
         return None
 

@@ -26,9 +26,9 @@ def read(folder: str | Path) -> Results:
 
     Returns:
         ``results``: scenario, policy, episode, seeds, failed, steps and a column each metric (NaN where a scenario has
-        it not). ``steps``: scenario, policy, episode, step, the truth (lateral_error in m, ...), what the policy
-        observed (observed.CHANNEL), its actions and the reward; of all episodes with ``--trace``, else of those that
-        failed. ``to_csv`` of both writes a table for everything else.
+        it not). ``steps``: scenario, policy, episode, step, what the policy observed (observed.CHANNEL), the actions
+        that it gave for that, and the truth (lateral_error in m, ...) and the reward after the step; of all episodes
+        with ``--trace``, else of those that failed. ``to_csv`` of both writes a table for everything else.
 
     Raises:
         ValueError, OSError: there are no results, or a file is damaged; one line that names it.

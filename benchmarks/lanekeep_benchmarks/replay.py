@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 
 from lanekeep_benchmarks.evaluate import EpisodeResult
+from lanekeep_benchmarks.made import make_definitions
 from lanekeep_benchmarks.policies import Entry, entry_of
 from lanekeep_benchmarks.results import EPISODES, LARGEST_LINES, read_lines
 from lanekeep_benchmarks.run_record import RUN, RunRecord
@@ -61,7 +62,14 @@ def find_line(folder: Path, episode: int, scenario: str | None, policy: str | No
     else:
         raise ValueError(
             f"--episode {episode} is not in {shown_path(folder)}: no line of {name}, {shown(label)} with that number; "
-            f"allowed: 0 to {record.episodes - 1}"
+            f"a complete run has 0 to {record.episodes - 1}, this one may have been stopped"
+        )
+    where = f"suite {shown_path(record.suite_file or record.suite)}"
+    now = scenarios[name].hash(make_definitions(suite, where)[name].hash)
+    if now != line.scenario_hash:
+        raise ValueError(
+            f"scenario {name} is not the one of the run: its hash is {now}, the line says {shown(line.scenario_hash)}; "
+            "restore the file of its suite, road or world as it was when the run began"
         )
     entry = entry_of(label, code=policy is not None)
     if record.policy_sha256.get(label) != entry.sha256:

@@ -21,7 +21,7 @@ _BEAM = re.compile(r"scan_\d+")
 
 
 class Trace:
-    """The steps of a batch of episodes: truth from the infos, observed.CHANNEL, action_0, ..., and reward.
+    """The steps of a batch of episodes: observed.CHANNEL, action_0, ... that followed from it, truth and reward after.
 
     Args:
         channels: names of the observation's entries.
@@ -45,7 +45,7 @@ class Trace:
             kept = np.empty((len(self._names), len(step.alive)), dtype=np.float32)
             for row, key in enumerate(truth):
                 kept[row] = step.info[key]
-            kept[len(truth) : len(truth) + len(places)] = step.observation.T[places]
+            kept[len(truth) : len(truth) + len(places)] = step.seen.T[places]
             kept[-1 - action.shape[1] : -1] = action.T
             kept[-1] = step.reward
             self._steps.append(kept)

@@ -38,6 +38,10 @@ class Mine(SteeringPolicy):
     def command(self, at, memory, fresh):
         return -0.03 * at["lateral_error"] - 0.6 * at["heading_error"], None
 
+class Forgets(Mine):
+    def command(self, at, memory, fresh):
+        return -0.03 * at["lateral_error"]
+
 class Car:
     def __init__(self, scenario):
         names = [channel.name for channel in scenario.channels]
@@ -146,6 +150,7 @@ def test_a_registered_controller_is_one_of_all(folder, monkeypatch):
         ("mine.py:flat", r"its actions have the shape \(3,\), allowed is \(3, 1\)"),
         ("mine.py:no_number", r"the action of row 0 is \[nan\]"),
         ("mine.py:nothing", "the factory returned None; it must be an object with predict"),
+        ("mine.py:Forgets", r"TypeError: Forgets.command returned ndarray; it must return two things"),
         ("syntax.py:Mine", r"SyntaxError: .*syntax.py, line 2"),
         ("fails.py:Mine", r"KeyError: 'x' \(.*fails.py, line 3, in <module>\)"),
         ("mine", "policy 'mine' is unknown.*or code of your own, module:factory"),
@@ -186,6 +191,18 @@ def test_no_file_can_name_code(folder, capsys, monkeypatch):
     (folder / "mine.py").write_text(CODE.replace("0.03", "0.04"))
     assert main(["bench", "--resume", "--out", "out", "--policies", "pd,mine.py:Mine"]) == 2
     assert "policy_sha256 of mine.py:Mine" in capsys.readouterr().err
+
+
+def test_what_a_file_imports_from_beside_it_is_part_of_the_controller(folder, monkeypatch):
+    """In processes of their own, as commands run: another number in a file beside it is another controller."""
+    code = "from lanekeep_benchmarks.policies import entry_of; print(entry_of('uses.py:make').sha256)"
+    (folder / "uses.py").write_text("from gains import GAIN\n\ndef make(scenario):\n    return GAIN\n")
+    found = []
+    for gain in (1.0, 1.0, 2.0):
+        (folder / "gains.py").write_text(f"GAIN = {gain}\n")
+        out = subprocess.run([sys.executable, "-B", "-c", code], cwd=folder, capture_output=True, text=True, check=True)
+        found.append(out.stdout)
+    assert found[0] == found[1] != found[2] and len(found[0]) == 65
 
 
 def test_what_has_no_source_is_never_resumed(folder):

@@ -57,7 +57,8 @@ def test_the_metrics_follow_from_the_steps(traced):
         assert np.sqrt(np.mean(error**2)) == pytest.approx(line["rms_lateral_error"], rel=1e-6)
         assert np.abs(error).max() == pytest.approx(line["peak_lateral_error"], rel=1e-6)
         assert mine["reward"].sum() == pytest.approx(line["return"], rel=1e-5)
-        assert mine["observed.lateral_error"].to_numpy() == pytest.approx(error, abs=1e-6)  # perfect sensors
+        # What a row's action followed from is what the row before it led to; sensors are perfect here.
+        assert mine["observed.lateral_error"].to_numpy()[1:] == pytest.approx(error[:-1], abs=1e-6)
         assert mine["action_0"].abs().max() > 0.0
 
 
@@ -130,7 +131,7 @@ def test_a_line_driven_again_is_the_same_episode(traced):
         (["--episode", "1"], "--run and --episode go together"),
         (["--run", "{run}", "--episode", "1"], "--scenario is missing; the run has wide, narrow"),
         (["--run", "{run}", "--episode", "1", "--scenario", "wide"], "--policy is missing; the run has stanley, pd"),
-        (["--run", "{run}", "--episode", "9", "--scenario", "wide", "--policy", "pd"], "allowed: 0 to 4"),
+        (["--run", "{run}", "--episode", "9", "--scenario", "wide", "--policy", "pd"], "a complete run has 0 to 4"),
         (["--run", "{run}", "--episode", "1", "--scenario", "wid", "--policy", "pd"], "did you mean 'wide'?"),
         (["--run", "{run}/nowhere", "--episode", "1"], "holds no run"),
         (["--run", "{run}", "--episode", "1", "--road", "slalom"], "leave --road and --world out"),
@@ -153,6 +154,27 @@ def test_play_shows_a_failure(traced, tmp_path, monkeypatch, capsys):
     assert main(["play", *where, "--episode", str(line["episode"])]) == 0
     assert "left its lane" in capsys.readouterr().out
     assert (tmp_path / "results" / f"narrow-{line['policy']}-episode{line['episode']}.gif").is_file()
+
+
+def test_an_action_follows_from_what_its_row_observed(traced):
+    """`pd` without memory, computed again from every row."""
+    _, steps = lanekeep_benchmarks.read(traced / "all")
+    mine = steps.query("policy == 'pd'")
+    law = -0.03 * mine["observed.lateral_error"].astype(float) - 0.6 * mine["observed.heading_error"].astype(float)
+    assert mine["action_0"].to_numpy() == pytest.approx((law / 0.15).to_numpy(), abs=1e-6)
+
+
+def test_another_road_is_not_driven_for_the_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    points = [(200 * np.cos(t), 200 * np.sin(t)) for t in np.linspace(0, 2 * np.pi, 120, endpoint=False)]
+    road = tmp_path / "mine.csv"
+    road.write_text("x_m,y_m\n" + "".join(f"{x:.6f},{y:.6f}\n" for x, y in points))
+    assert main(["bench", "--road", "mine.csv", "--policies", "stanley", "--episodes", "1", "--out", "out"]) == 0
+    road.write_text("x_m,y_m\n" + "".join(f"{1.5 * x:.6f},{1.5 * y:.6f}\n" for x, y in points))
+    capsys.readouterr()
+    assert main(["play", "--run", "out", "--episode", "0"]) == 2
+    error = capsys.readouterr().err
+    assert "is not the one of the run: its hash is" in error and error.count("\n") == 1
 
 
 def test_one_row_is_one_drive_of_the_evaluation(traced):
