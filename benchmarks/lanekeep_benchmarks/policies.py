@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import lanekeep_agents
 import lanekeep_baselines
 from lanekeep_agents.policy_file import LARGEST_RECORD
-from lanekeep_benchmarks.own_code import FORMS, Checked, is_code, load_factory, sha256_of
+from lanekeep_benchmarks.own_code import FORMS, SOURCE, Checked, is_code, load_factory, sha256_of
 from lanekeep_env.checks import nearest, shown
 from lanekeep_env.files import read_bounded
 
@@ -91,6 +91,8 @@ def entry_of(given: Any, code: bool = True) -> Entry:
         return _handed_over(given)
     if code and is_code(given) and not given.endswith(FILE):
         return _own(given, load_factory(given))
+    if code and given.endswith(SOURCE):
+        raise ValueError(f"policy {shown(given)} lacks the factory's name; allowed: {given}:NAME, a function or a class")
     if code and given not in known_policies() and not given.endswith(FILE):
         raise ValueError(f"{_unknown(given)}, or code of your own, {FORMS}")
     check_policy(given)

@@ -144,6 +144,7 @@ def test_a_registered_controller_is_one_of_all(folder, monkeypatch):
     ("policy", "message"),
     [
         ("mine.py:Min", r"mine.py has no function or class 'Min' \(did you mean 'Mine'\?\)"),
+        ("mine.py", r"lacks the factory's name; allowed: mine.py:NAME"),
         ("other.py:Mine", "other.py: No such file"),
         ("other:Mine", "there is no module 'other'; allowed: module:factory or path/to/file.py:factory"),
         ("mine.py:broken", r"ZeroDivisionError: division by zero \(.*mine.py, line \d+, in predict\)"),
