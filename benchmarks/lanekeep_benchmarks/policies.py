@@ -13,7 +13,7 @@ import lanekeep_agents
 import lanekeep_baselines
 from lanekeep_agents.policy_file import LARGEST_RECORD
 from lanekeep_benchmarks.own_code import FORMS, SOURCE, Checked, is_code, load_factory, sha256_of
-from lanekeep_env.checks import nearest, shown
+from lanekeep_env.checks import nearest, shown, shown_path
 from lanekeep_env.files import read_bounded
 
 if TYPE_CHECKING:
@@ -92,7 +92,9 @@ def entry_of(given: Any, code: bool = True) -> Entry:
     if code and is_code(given) and not given.endswith(FILE):
         return _own(given, load_factory(given))
     if code and given.endswith(SOURCE):
-        raise ValueError(f"policy {shown(given)} lacks the factory's name; allowed: {given}:NAME, a function or a class")
+        raise ValueError(
+            f"policy {shown(given)} lacks the factory's name; allowed: {shown_path(given)}:NAME, a function or a class"
+        )
     if code and given not in known_policies() and not given.endswith(FILE):
         raise ValueError(f"{_unknown(given)}, or code of your own, {FORMS}")
     check_policy(given)
