@@ -65,8 +65,6 @@ class FreeDrive:
 
     #: So many paths must be free for the guard: a single one is gone with the next error of a centimetre.
     SEVERAL: ClassVar[int] = 4
-    #: They begin with at most this share of the largest curvature: the rest is for what the guard does not know.
-    GENTLE: ClassVar[float] = 0.9
     #: Deceleration that speeds are planned with, and share of the largest one that the guard counts on, m/s².
     BRAKE, COUNTED = 1.5, 0.85
     #: Way left at standstill, m; below the second nothing leads on, and the way backwards then, m.
@@ -89,7 +87,6 @@ class FreeDrive:
         self._space, self._step, self._acceleration, self._fastest = space, step, acceleration, fastest
         paths = space.paths
         self._ahead = paths.sign > 0.0
-        self._gentle = self._ahead & (np.abs(paths.first) <= self.GENTLE * np.abs(paths.first).max())
         x, y, heading = poses(paths)
         place = round(self.AT / STRIDE)
         self._bearing, self._turned = np.arctan2(y[place], x[place] + 1e-9), heading[place]
@@ -115,7 +112,7 @@ class FreeDrive:
         """Return whether the car can still stop after a step with this curvature, 1/m, and set speed, m/s, (n,)."""
         x, y, speed = self.after(x, y, motion, curvature, target)
         strict = self._space.free(x, y)[0]
-        can = self._possible(motion) & self._gentle
+        can = self._possible(motion) & self._ahead
         free = np.sort(np.where(can, strict, 0.0), axis=1)[:, -self.SEVERAL]
         return free >= self._stopping(speed) + np.where(doubt, self.AFTER, self.AHEAD)
 

@@ -65,13 +65,13 @@ def test_a_hundred_circuits_without_contact_and_fast(laps: SimpleNamespace) -> N
         ({"sensors": "poor"}, 2),
         ({"encoder_ticks": 40}, 1),
         ({"dynamics": "dynamic", "sensors": "production"}, 1),
-        ({"action": "steering_rate"}, 2),
+        ({"action": "steering_rate"}, 1),
     ],
 )
 def test_failures_of_a_hundred_with_faults(cars: int, faults: dict[str, Any], failures: int) -> None:
     run = drive(cars, **faults)
     finished = np.isfinite(run.ratio)
-    assert (~finished).sum() <= failures
+    assert (~finished).sum() <= failures * cars // 100
     assert run.ratio[finished].mean() < 1.05
 
 
