@@ -31,7 +31,8 @@ from typing import ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.free_drive import FreeDrive, Motion, Pilot
+from lanekeep_baselines.circuit_pilot import CircuitPilot
+from lanekeep_baselines.free_drive import FreeDrive, Pilot
 from lanekeep_baselines.free_space import Body, FreeSpace
 from lanekeep_baselines.local_map import LocalMap
 from lanekeep_baselines.odometry import Odometer, OdometryScenario
@@ -102,8 +103,6 @@ class KnightRidersCircuit(DrivingPolicy):
     SETTLED, MOST = 3.0, 12.0
     #: Heading from the leg's direction with which no wall is taken up: the car goes round the wrong way, rad.
     AWRY: ClassVar[float] = 2.0
-    #: Commands replaced after which the way is looked for.
-    DOUBT: ClassVar[float] = 4.0
     #: Angle of the largest one that paths in free space leave, rad.
     SPARE: ClassVar[float] = float(np.deg2rad(1.0))
     #: Speeds, m/s: without a direction at the corner, and below which gains are those of this one.
@@ -125,7 +124,8 @@ class KnightRidersCircuit(DrivingPolicy):
         self._map = LocalMap(self._reader, self._nose, self._car.sensor)
         tightest = float(np.tan(self._limit - self.SPARE) / car.wheelbase)
         space = FreeSpace(body, tightest)
-        self._free = FreeDrive(space, scenario.control_step, scenario.max_acceleration, scenario.max_speed)
+        free = FreeDrive(space, scenario.control_step, scenario.max_acceleration, scenario.max_speed)
+        self._pilot = CircuitPilot(free, self._reader, self._car, self._limit)
         own = len(Leg._fields), len(Pilot._fields)
         sizes = (self._filter.memory, self._control.memory, *own, self._map.memory, self._odometer.memory)
         self._split = tuple(np.cumsum(sizes[:-1]))
@@ -164,7 +164,7 @@ class KnightRidersCircuit(DrivingPolicy):
         known, leg = self._change_over(known, leg)
         leg = self._look(at, ranges, glass, known, leg)
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
-        command, pilot, keep = self._pilot(
+        command, pilot, keep = self._pilot.steer(
             at,
             self._map.points(at, filled, map_),
             filled,
@@ -178,56 +178,6 @@ class KnightRidersCircuit(DrivingPolicy):
         steered = np.where(keep[:, None], steered, command[:, :1])
         parts = [known, steered, np.stack(leg, axis=1), np.stack(pilot, axis=1), map_, now]
         return command, np.concatenate(parts, axis=1)
-
-    def _pilot(
-        self,
-        at: Mapping[str, Floats],
-        points: tuple[Floats, Floats],
-        ranges: Floats,
-        command: Floats,
-        known: Floats,
-        side: Floats,
-        heard: Floats,
-        pilot: Pilot,
-    ) -> tuple[Floats, Pilot, NDArray[np.bool_]]:
-        """Return the command, from free space where the given one is not harmless or the way is lost."""
-        offset, base = known[:, 2], self._car.wheelbase
-        least, most = np.tan(offset - self._limit) / base, np.tan(offset + self._limit) / base
-        motion = Motion(at["speed"], pilot.curvature, least, most)
-        asked = np.tan(np.clip(command[:, 0], -self._limit, self._limit) + offset) / base
-        harmless = self._free.harmless(*points, motion, asked, command[:, 1], pilot.doubt > 0.0)
-        lost = pilot.lost > 0.5
-        keep = harmless & ~lost
-        wanted = np.where(lost, 0.5 * pilot.curvature, np.where(pilot.doubt > 0.0, pilot.curvature, asked))
-        curvature, speed, back = asked.copy(), command[:, 1].copy(), np.zeros_like(asked)
-        rows = np.flatnonzero(~keep)
-        if len(rows):
-            x, y = (values[:, rows] for values in points)
-            choice = self._free.choose(
-                x,
-                y,
-                Motion(*(values[rows] for values in motion)),
-                wanted[rows],
-                side[rows],
-                pilot.heading[rows],
-                heard[rows],
-                self._reader.view(ranges[:, rows], self._free.bearing),
-                np.where(lost, pilot.back, 0.0)[rows],
-                lost[rows],
-            )
-            curvature[rows], speed[rows] = choice.curvature, choice.speed
-            back[rows] = np.maximum(choice.back - self._car.step * np.abs(at["speed"][rows]), 0.0)
-        doubt = np.where(keep, np.maximum(pilot.doubt - 0.2, 0.0), pilot.doubt + 1.0)
-        loses = ~lost & (doubt > self.DOUBT)
-        pilot = pilot._replace(
-            doubt=np.where(loses | lost, 0.0, doubt),
-            lost=np.where(loses, 1.0, pilot.lost),
-            losses=pilot.losses + loses,
-            back=back,
-            curvature=curvature,
-        )
-        free = np.stack([np.arctan(curvature * base) - offset, speed], axis=1)
-        return np.where(keep[:, None], command, free), pilot, keep
 
     def _take_up(self, at: Mapping[str, Floats], known: Floats, leg: Leg, pilot: Pilot) -> tuple[Floats, Leg, Pilot]:
         """Take the wall up again where the car has been along two walls for a while."""

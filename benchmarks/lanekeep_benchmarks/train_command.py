@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from lanekeep_benchmarks.console import watched
 from lanekeep_benchmarks.endings import disk_errors, input_errors, interruptible
 
 if TYPE_CHECKING:
@@ -101,9 +101,7 @@ def _in_words(training: Training) -> str:
 
 
 def _progress() -> Progress:
-    console = Console(stderr=True)
+    there = watched()
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     further = (TimeRemainingColumn(), TextColumn("{task.fields[told]}"))
-    # Where nobody watches, it would leave an empty line; rich before 14.3 does so even where it is disabled.
-    console.quiet = not console.is_terminal
-    return Progress(*columns, *further, console=console, transient=True, disable=console.quiet)
+    return Progress(*columns, *further, console=there, transient=True, disable=there.quiet)

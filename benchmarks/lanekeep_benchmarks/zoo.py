@@ -11,7 +11,6 @@ from typing import Annotated, Any
 import gymnasium as gym
 import numpy as np
 import typer
-from rich.console import Console
 from rich.table import Table
 
 import lanekeep_agents
@@ -19,6 +18,7 @@ import lanekeep_baselines
 from lanekeep_agents.policy_file import read_record
 from lanekeep_agents.policy_record import PolicyRecord
 from lanekeep_agents.training.evaluation import HeldOut, Score
+from lanekeep_benchmarks.console import console
 from lanekeep_benchmarks.endings import input_errors, interruptible
 from lanekeep_benchmarks.policies import FILE, ZOO
 from lanekeep_benchmarks.summary import rows_of
@@ -127,7 +127,7 @@ def zoo(
     """
     with interruptible(""), input_errors():
         require("--episodes", episodes, "", at_least=1, at_most=100_000, whole=True)
-        with Console(stderr=True).status("driving") as status:
+        with console(stderr=True).status("driving") as status:
             found = []
             for entry in entries(episodes):
                 status.update(f"driving: {entry.label} done")
@@ -139,11 +139,9 @@ def zoo(
         for entry in found:
             print(f"| {' | '.join(entry.cells())} |")
     else:
-        console = Console()
-        console = console if console.is_terminal else Console(width=180)
         table = Table(title=f"{episodes} episodes each", title_justify="left")
         for place, heading in enumerate(HEADINGS):
             table.add_column(heading, justify="left" if place in (0, 1, 5) else "right")
         for entry in found:
             table.add_row(*entry.cells())
-        console.print(table)
+        console().print(table)

@@ -15,8 +15,21 @@ from lanekeep_env.checks import from_mapping, plain_numbers, require, shown
 from lanekeep_env.roads.road import Floats, Road
 
 
+class _AlongRoad:
+    """What speeds share that belong to places of a road."""
+
+    @property
+    def lateral_limit(self) -> float:
+        """Largest lateral acceleration, m/s², 0 for none."""
+        return 0.0
+
+    def numbers(self, control_step: float, step: float) -> dict[int, float]:
+        """No settings of the kernel: the speed is the road's."""
+        return {}
+
+
 @dataclass(frozen=True)
-class ConstantSpeed:
+class ConstantSpeed(_AlongRoad):
     """The same speed everywhere.
 
     Attributes:
@@ -38,15 +51,6 @@ class ConstantSpeed:
         """Largest speed, m/s."""
         return self.speed
 
-    @property
-    def lateral_limit(self) -> float:
-        """Largest lateral acceleration, m/s², 0 for none."""
-        return 0.0
-
-    def numbers(self, control_step: float, step: float) -> dict[int, float]:
-        """No settings of the kernel: the speed is the road's."""
-        return {}
-
     def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
         """Return the road and the speed at its segment borders, m/s, (n + 1,)."""
         road = road.refined(100.0)  # so that positions stay exact in float32, and starts have places to be at
@@ -54,7 +58,7 @@ class ConstantSpeed:
 
 
 @dataclass(frozen=True)
-class LimitedSpeed:
+class LimitedSpeed(_AlongRoad):
     """Speed under a limit of lateral acceleration, reached and left with limited longitudinal acceleration.
 
     Attributes:
@@ -92,10 +96,6 @@ class LimitedSpeed:
     def lateral_limit(self) -> float:
         """Largest lateral acceleration, m/s², 0 for none."""
         return self.lateral_acceleration
-
-    def numbers(self, control_step: float, step: float) -> dict[int, float]:
-        """No settings of the kernel: the speed is the road's."""
-        return {}
 
     def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
         """Return the road, cut finely enough, and the speed at its segment borders, m/s, (n + 1,).
@@ -200,7 +200,7 @@ class SetSpeeds:
 
 
 @dataclass(frozen=True)
-class FileSpeed:
+class FileSpeed(_AlongRoad):
     """The speed that a road's file gives beside its points.
 
     Attributes:
@@ -221,15 +221,6 @@ class FileSpeed:
     def largest(self) -> float:
         """Largest speed, m/s."""
         return 100.0 if self.maximum is None else self.maximum
-
-    @property
-    def lateral_limit(self) -> float:
-        """No limit of lateral acceleration."""
-        return 0.0
-
-    def numbers(self, control_step: float, step: float) -> dict[int, float]:
-        """No settings of the kernel: the speed is the road's."""
-        return {}
 
     def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
         """Return the road and the speed at its segment borders, m/s, (n + 1,)."""

@@ -103,15 +103,27 @@ def test_a_few_worlds(kind: str, variant: str) -> None:
     assert Counter(drive(kind, variant, 9000, 20))["lap"] >= 19
 
 
-@pytest.mark.slow
-def test_a_thousand_worlds() -> None:
-    first, opaque, glass = 5000, Counter[str](), Counter[str]()
+def endings_of(kinds: dict[str, int], first: int) -> Counter[str]:
+    """Drive so many worlds of each kind with each variant; how they end."""
+    found = Counter[str]()
     for variant in VARIANTS:
-        for kind, count in (("any", 38), ("any+g", 37), ("ell", 25), ("slalom", 25)):
+        for kind, count in kinds.items():
             endings = drive(kind, variant, first, count)
             print(variant, kind, dict(Counter(endings)), [first + i for i, e in enumerate(endings) if e != "lap"])
-            (glass if kind.endswith("+g") else opaque).update(endings)
+            found.update(endings)
             first += count
-    print("opaque", dict(opaque), "glass", dict(glass))
-    assert opaque["contact"] < 0.01 * opaque.total()
-    assert glass["contact"] < 0.2 * glass.total()  # windows near corners are not solved
+    print(dict(found))
+    return found
+
+
+@pytest.mark.slow
+def test_seven_hundred_worlds_without_glass() -> None:
+    found = endings_of({"any": 38, "ell": 25, "slalom": 25}, 5000)
+    assert found["contact"] < 0.01 * found.total()
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(strict=True, reason="windows near corners are heard late: about one world in ten")
+def test_three_hundred_worlds_with_glass() -> None:
+    found = endings_of({"any+g": 37}, 6000)
+    assert found["contact"] < 0.01 * found.total()

@@ -1,15 +1,11 @@
-"""Roads from memory, and vehicles from files: what they are, and what nested mappings change."""
+"""Roads from memory: points and clothoids."""
 
 import json
-import math
-from dataclasses import asdict
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
-from lanekeep_env import CameraLaneScenario, LaneKeepScenario, RoadWorksScenario
-from lanekeep_env.physics.parameters import VEHICLES, vehicle_from
 from lanekeep_env.roads import Road, road_from
 
 TRUTH = Road("truth", [60.0, 80.0, 60.0], [0, 0, 0.01], [0, 0.01, 0.01])
@@ -41,77 +37,3 @@ def test_clothoids_from_memory():
         road_from("clothoids")
     with pytest.raises(ValueError, match="length"):
         road_from({"kind": "clothoids", "segments": [[-1.0, 0.0, 0.0]]})
-
-
-@pytest.mark.parametrize("ending", ["yaml", "json"])
-def test_vehicles_from_files_with_units(tmp_path, ending):
-    fields = {"base": "passat", "mass": "1.8 t", "cg_to_front_axle": "1150 mm", "yaw_inertia": 3000}
-    fields["front_cornering_stiffness"] = "95 kN/rad"
-    fields["steering"] = {"angle_limit": "30 deg", "delay": "20 ms"}
-    path = tmp_path / f"my_car.{ending}"
-    path.write_text(json.dumps(fields))  # which is YAML, too
-    car, base = vehicle_from(str(path)), VEHICLES["passat"]
-    assert (car.name, car.mass, car.yaw_inertia) == ("my_car", 1800.0, 3000.0)
-    assert car.cg_to_front_axle == pytest.approx(1.15)
-    assert car.front_cornering_stiffness == 95e3 and car.rear_cornering_stiffness == base.rear_cornering_stiffness
-    assert car.steering.angle_limit == pytest.approx(math.pi / 6) and car.steering.delay == 0.02
-    assert car.steering.lag == base.steering.lag
-    scenario = LaneKeepScenario.from_keywords(vehicle=str(path))
-    path.unlink()  # what it said stays
-    assert LaneKeepScenario.from_keywords(**scenario.to_dict()).hash == scenario.hash
-
-
-FAULTS = [
-    ('{"mass": "1.7 stone"}', ["mass='1.7 stone'", "allowed units: kg, t, g, lb"]),
-    ('{"mas": 3}', ["no field 'mas'", "did you mean 'mass'"]),
-    ('{"mass": "heavy"}', ["mass='heavy'"]),
-    ('{"steering": {"lagg": 1}}', ["vehicle.steering has no field 'lagg'"]),
-    ('{"steering": 3}', ["vehicle.steering=3 must be"]),
-    ('{"base": "pasat"}', ["base='pasat' is unknown", "did you mean 'passat'"]),
-    ('{"base": "other.yaml"}', ["base='other.yaml' is unknown"]),
-    ("[1, 2]", ["holds no fields"]),
-    ('{"m": 1, "I_z": 2, "a": "x", "b": 1, "l": 1, "w": 1}', ["a='x' is not allowed"]),
-    ("{", ["my_car.yaml"]),
-]
-
-
-@pytest.mark.parametrize(("text", "words"), FAULTS, ids=range(len(FAULTS)))
-def test_bad_vehicle_files_are_told_in_one_line(tmp_path, text, words):
-    path = tmp_path / "my_car.yaml"
-    path.write_text(text)
-    with pytest.raises(ValueError) as caught:
-        vehicle_from(path)
-    message = str(caught.value)
-    assert "my_car.yaml" in message and "\n" not in message
-    for word in words:
-        assert word in message, message
-    with pytest.raises(ValueError, match="No such file"):
-        vehicle_from(str(tmp_path / "nowhere.yaml"))
-
-
-@pytest.mark.parametrize("number", [1, 2, 3])
-def test_commonroad_parameter_files_are_their_cars(number):
-    """The files of the package, against the cars that were typed in from its tables."""
-    models = pytest.importorskip("vehiclemodels")
-    from pathlib import Path
-
-    path = Path(models.__file__).parent / "parameters" / f"parameters_vehicle{number}.yaml"
-    car, typed = asdict(vehicle_from(path)), asdict(VEHICLES[f"commonroad-{number}"])
-    for name in ("mass", "yaw_inertia", "cg_to_front_axle", "front_cornering_stiffness", "length", "width"):
-        assert car[name] == pytest.approx(typed[name], rel=1e-12)
-    assert car["steering"] == typed["steering"]
-
-
-def test_nested_mappings_are_changes():
-    car = vehicle_from({"base": "commonroad-1", "steering": {"delay": 0.05}})
-    assert (car.steering.delay, car.steering.rate_limit, car.steering.angle_limit) == (0.05, 0.4, 0.91)
-    assert "yin" in repr(vehicle_from({"mass": 2000.0})) and "yin" in vehicle_from({"mass": 2e3, "name": "mine"}).source
-    works = RoadWorksScenario.from_keywords(speed={"lateral_acceleration": 2.0})
-    assert works.speed.maximum == pytest.approx(80 / 3.6)
-    assert CameraLaneScenario.from_keywords(camera={"edge": "left"}).camera.look_ahead == 3.5
-    noisy = LaneKeepScenario.from_keywords(sensors={"base": "production", "lateral_error": {"noise": 0.2}})
-    usual = LaneKeepScenario.from_keywords(sensors="production")
-    assert dict(noisy.sensors)["lateral_error"].period == 0.05 and dict(noisy.sensors)["lateral_error"].noise == 0.2
-    assert dict(noisy.sensors)["yaw_rate"] == dict(usual.sensors)["yaw_rate"]
-    with pytest.raises(ValueError, match=r"sensors\.base='good' is unknown"):
-        LaneKeepScenario.from_keywords(sensors={"base": "good"})

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from lanekeep_benchmarks.check import Report, check_map, check_road, check_vehicle, draw_map, draw_road
 from lanekeep_benchmarks.check.report import shown_number
+from lanekeep_benchmarks.console import console
 from lanekeep_benchmarks.endings import input_errors, interruptible
 from lanekeep_env.files import write_atomic
 from lanekeep_env.physics.parameters import vehicle_from
@@ -106,15 +106,15 @@ def _print(report: Report, out: Path | None, as_json: bool) -> None:
     if as_json:
         print(json.dumps({**report.to_dict(), **({} if out is None else {"picture": str(out)})}))
         return
-    console = Console()
+    there = console()
     table = Table(title=Text(report.title), title_justify="left", show_header=False)
     table.add_column()
     table.add_column(justify="right")
     table.add_column()
     for name, value, unit in report.rows:
         table.add_row(Text(name), Text(shown_number(value)), Text(unit))
-    console.print(table)
+    there.print(table)
     for note in report.notes:
-        console.print(Text(note), soft_wrap=True)
+        there.print(Text(note), soft_wrap=True)
     if out is not None:
-        console.print(Text(f"Picture: {out}"), soft_wrap=True)
+        there.print(Text(f"Picture: {out}"), soft_wrap=True)

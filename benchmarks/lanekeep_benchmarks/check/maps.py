@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +51,8 @@ def draw_map(world: World) -> bytes:
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
+    from lanekeep_benchmarks.plots import png
+
     figure = Figure(figsize=(8.0, 8.0), layout="constrained")
     plan = figure.add_subplot()
     plan.add_collection(LineCollection(list(world.segments.reshape(-1, 2, 2)), colors="k", linewidths=0.8))
@@ -62,6 +63,4 @@ def draw_map(world: World) -> bytes:
     plan.set_aspect("equal")
     plan.autoscale_view()
     plan.set(title=world.name, xlabel="x [m]", ylabel="y [m]")
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=110)
-    return file.getvalue()
+    return png(figure)

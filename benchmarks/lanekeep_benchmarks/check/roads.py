@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import warnings
 from pathlib import Path
 
@@ -55,18 +54,23 @@ def draw_road(road: Road) -> bytes:
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
+    from lanekeep_benchmarks.plots import png
+
     s = np.linspace(0.0, road.length, 4000)
     points, bend = road.position(s), road.curvature(s)
     driven, speed = LimitedSpeed().along(road)
     figure = Figure(figsize=(11.0, 5.0), layout="constrained")
-    plan, (upper, lower) = figure.add_subplot(1, 2, 1), (figure.add_subplot(2, 2, k) for k in (2, 4))
-    line = LineCollection(list(np.stack([points[:-1], points[1:]], axis=1)), array=bend[:-1], cmap="coolwarm", lw=2.5)
-    most = max(float(np.abs(bend).max()), 1e-6)
+    axes = figure.subplot_mosaic([["plan", "curvature"], ["plan", "speed"]])
+    plan, upper, lower = axes["plan"], axes["curvature"], axes["speed"]
+    line = LineCollection(list(np.stack([points[:-1], points[1:]], axis=1)), array=bend[:-1], cmap="coolwarm", lw=3.5)
+    most = max(float(np.percentile(np.abs(bend), 98.0)), 1e-6)  # a hairpin would leave all else grey
     line.set_clim(-most, most)
     plan.add_collection(line)
     if road.given is not None:
-        plan.plot(*road.given.T, ".", ms=2.0, color="0.3")
-    plan.plot(*points[0], "k>", ms=7.0)
+        plan.plot(*road.given.T, ".", ms=1.0, color="k")
+    ahead = road.position(min(0.04 * road.length, 100.0))
+    plan.annotate("", tuple(ahead), tuple(points[0]), arrowprops={"arrowstyle": "-|>", "color": "k", "lw": 2.0})
+    figure.colorbar(line, ax=plan, label="curvature [1/m], + left", location="bottom", extend="both", shrink=0.7)
     plan.set_aspect("equal", adjustable="datalim")
     plan.autoscale_view()
     plan.set(title=f"{road.name}: {road.length:.0f} m", xlabel="x [m]", ylabel="y [m]")
@@ -74,10 +78,4 @@ def draw_road(road: Road) -> bytes:
     upper.set(ylabel="curvature [1/m]")
     lower.plot(driven.stations, speed, lw=0.8)
     lower.set(xlabel="arc length [m]", ylabel="speed at 0.4 g [m/s]")
-    return _png(figure)
-
-
-def _png(figure: object) -> bytes:
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=110)  # type: ignore[attr-defined]
-    return file.getvalue()
+    return png(figure)
