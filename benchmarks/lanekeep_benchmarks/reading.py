@@ -61,5 +61,7 @@ def _steps(files: list[Path]) -> pd.DataFrame:
             raise ValueError(f"{file} is not a trace: {error}") from None
     if not tables:
         return pd.DataFrame()
-    frame: pd.DataFrame = pa.concat_tables(tables, promote_options="default").unify_dictionaries().to_pandas()
+    frame: pd.DataFrame = (
+        pa.concat_tables(tables, promote_options="default").unify_dictionaries().to_pandas(split_blocks=True)
+    )
     return frame

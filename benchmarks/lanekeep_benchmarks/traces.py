@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
@@ -28,28 +29,16 @@ class Trace:
     """
 
     def __init__(self, channels: Sequence[str]) -> None:
-        self._observed = [(place, name) for place, name in enumerate(channels) if not _BEAM.fullmatch(name)]
-        self._names: list[str] = []
-        self._steps: list[NDArray[np.float32]] = []
-        self._alive: list[NDArray[np.bool_]] = []
+        self._observed = {name: place for place, name in enumerate(channels) if not _BEAM.fullmatch(name)}
+        self._places = None if len(self._observed) == len(channels) else list(self._observed.values())
+        self._steps: list[Step] = []
 
     def watch(self, steps: Iterator[Step]) -> Iterator[Step]:
         """Yield the steps of `evaluate.drive`, and keep them."""
-        places = [place for place, _ in self._observed]
         for step in steps:
-            truth = [key for key in step.info if not key.startswith("_")]
-            action = np.asarray(step.action, dtype=np.float32)
-            if not self._names:
-                self._names = [*truth, *(f"observed.{name}" for _, name in self._observed)]
-                self._names += [*(f"action_{place}" for place in range(action.shape[1])), "reward"]
-            kept = np.empty((len(self._names), len(step.alive)), dtype=np.float32)
-            for row, key in enumerate(truth):
-                kept[row] = step.info[key]
-            kept[len(truth) : len(truth) + len(places)] = step.seen.T[places]
-            kept[-1 - action.shape[1] : -1] = action.T
-            kept[-1] = step.reward
-            self._steps.append(kept)
-            self._alive.append(step.alive.copy())
+            # The environment's arrays are new in each step and need no copy; an action is the policy's own.
+            seen = step.seen if self._places is None else step.seen[:, self._places]
+            self._steps.append(replace(step, seen=seen, action=np.array(step.action, dtype=np.float32)))
             yield step
 
     def parquet(self, scenario: str, policy: str, episodes: NDArray[np.int64], kept: NDArray[np.bool_]) -> bytes:
@@ -57,23 +46,43 @@ class Trace:
         import pyarrow as pa
         from pyarrow import parquet
 
-        alive = np.array(self._alive)[:, kept].T  # (cars, steps)
-        data = np.array(self._steps)[:, :, kept].transpose(1, 2, 0)  # (columns, cars, steps)
+        cars = slice(None) if kept.all() else np.flatnonzero(kept)
+        alive = np.array([step.alive[cars] for step in self._steps]).T  # (cars, steps)
         lengths = alive.sum(axis=1)
-        rows = int(lengths.sum())
-        zeros = pa.array(np.zeros(rows, dtype=np.int32))
+        zeros = pa.array(np.zeros(int(lengths.sum()), dtype=np.int32))
         columns: dict[str, Any] = {
             "scenario": pa.DictionaryArray.from_arrays(zeros, pa.array([scenario])),
             "policy": pa.DictionaryArray.from_arrays(zeros, pa.array([policy])),
             "episode": np.repeat(episodes[kept].astype(np.int32), lengths),
             "step": np.nonzero(alive)[1].astype(np.int32),
         }
-        columns |= {name: data[place][alive] for place, name in enumerate(self._names)}
+        whole = alive.all()  # most often, and much faster than a mask
+        numbers = {name: values.T.ravel() if whole else values.T[alive] for name, values in self._numbers(cars)}
         buffer = io.BytesIO()
-        # Numbers of a drive do not repeat: dictionaries and statistics would cost time and save nothing.
+        # Numbers of a drive do not repeat: dictionaries and statistics would cost time and save nothing. Their bytes
+        # do, place by place: split so, they take a third less.
         keys = ["scenario", "policy"]
-        parquet.write_table(pa.table(columns), buffer, compression="lz4", use_dictionary=keys, write_statistics=False)
+        parquet.write_table(
+            pa.table(columns | numbers),
+            buffer,
+            compression="lz4",
+            use_dictionary=keys,
+            use_byte_stream_split=list(numbers),
+            write_statistics=False,
+        )
         return buffer.getvalue()
+
+    def _numbers(self, cars: Any) -> Iterator[tuple[str, NDArray[np.float32]]]:
+        """Yield what is kept of the cars by name, (steps, cars) each."""
+        for key in (key for key in self._steps[0].info if not key.startswith("_")):
+            yield key, np.array([step.info[key] for step in self._steps], dtype=np.float32)[:, cars]
+        seen = np.array([step.seen for step in self._steps])[:, cars]
+        for column, name in enumerate(self._observed):
+            yield f"observed.{name}", seen[:, :, column]
+        action = np.array([step.action for step in self._steps])[:, cars]
+        for column in range(action.shape[2]):
+            yield f"action_{column}", action[:, :, column]
+        yield "reward", np.array([step.reward for step in self._steps], dtype=np.float32)[:, cars]
 
 
 def file_name(scenario: str, policy: str, first: int) -> str:
