@@ -24,7 +24,7 @@ types:
 
 # A file's tests run in one process, so that what they share is made once.
 test:
-	$(PYTHON) -m pytest -n 2 --dist loadfile
+	$(PYTHON) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 slow:
 	$(PYTHON) -m pytest -n 2 --dist loadfile -m slow

@@ -18,7 +18,7 @@ from lanekeep_agents.training.run import CHECKPOINT, EVALUATIONS, SETTINGS, run
 from lanekeep_agents.training.settings import settings_for
 from lanekeep_benchmarks.cli import app
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
+pytestmark = [pytest.mark.long, pytest.mark.skipif(sys.platform == "win32", reason="signals")]
 
 STEPS = 3200
 # Episodes end at other times in every car, sensors draw noise, and the replay buffer runs over.

@@ -15,6 +15,8 @@ from lanekeep_baselines.scan_features import ScanReader, median
 from lanekeep_env import CircuitScenario, WallFollowScenario
 from lanekeep_env.scenario.scan import SCANS
 
+pytestmark = pytest.mark.long
+
 NAME = "knightriders-circuit"
 #: In front of a camera, m: a corridor between -1 and 1.2, its wall ahead, and an opening on one side before that.
 RIGHT, LEFT, AHEAD = 1.0, 1.2, 5.0

@@ -16,7 +16,7 @@ from lanekeep_benchmarks.run_record import RUN
 OPTIONS = ["--policies", "pd,yin-lqr", "--episodes", "300"]
 TOTAL = 3000
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
+pytestmark = [pytest.mark.long, pytest.mark.skipif(sys.platform == "win32", reason="signals")]
 
 
 def start(*arguments):

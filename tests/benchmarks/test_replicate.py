@@ -8,6 +8,8 @@ from PIL import Image
 from lanekeep_benchmarks import cli
 from lanekeep_benchmarks.replications import WORKS
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def replicated(tmp_path_factory):

@@ -31,6 +31,7 @@ from lanekeep_env.scenario import (
     WallFollowScenario,
 )
 
+pytestmark = pytest.mark.long
 IDS = sorted(lanekeep_env.ENVIRONMENTS)
 
 ON_A_ROAD = {

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 import lanekeep_env  # noqa: F401
 
+pytestmark = pytest.mark.long
 ID = "lanekeep/LaneKeep-v0"
 CAMERA, TURN_OFF = "lanekeep/CameraLane-v0", "lanekeep/TurnOff-v0"
 WALL, CIRCUIT = "lanekeep/WallFollow-v0", "lanekeep/Circuit-v0"

@@ -10,6 +10,7 @@ from with_effect import with_effect
 
 import lanekeep_env  # noqa: F401
 
+pytestmark = pytest.mark.long
 IDS = ("lanekeep/WallFollow-v0", "lanekeep/Circuit-v0")
 
 
