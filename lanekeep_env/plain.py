@@ -5,7 +5,10 @@ from __future__ import annotations
 import io
 import json
 import math
+import os
 import zipfile
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -43,6 +46,21 @@ def parse_json(content: bytes | str) -> Any:
         if not level:
             return value
     raise ValueError(f"it is nested deeper than {DEEPEST} levels")
+
+
+def json_able(value: Any) -> Any:
+    """Return a keyword as JSON has it: paths as text, arrays and tuples as lists, records as mappings."""
+    if hasattr(value, "to_dict"):
+        return json_able(value.to_dict())
+    if is_dataclass(value) and not isinstance(value, type):
+        return json_able(asdict(value))
+    if isinstance(value, Mapping):
+        return {str(key): json_able(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_able(one) for one in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return json_able(value.tolist())
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
 def _entries(part: dict[str, Any] | list[Any]) -> Any:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from lanekeep_agents.vec_env import CarVecEnv
     from lanekeep_env.scenario.car import CarScenario
 
-__all__ = ["load", "names", "save", "sb3_vec_env", "train"]
+__all__ = ["CarVecEnv", "LearnedPolicy", "PolicyRecord", "load", "names", "save", "sb3_vec_env", "train"]
 
 
 def names(scenario: CarScenario | None = None) -> tuple[str, ...]:
@@ -99,7 +100,9 @@ def save(path: str | Path, model: Any, overwrite: bool = False) -> PolicyRecord:
 
     Args:
         path: of the .json or the .safetensors file; its stem is the policy's name.
-        model: PPO, SAC or TD3 with "MlpPolicy" on `sb3_vec_env`, in ``VecNormalize`` or not; it acts deterministically.
+        model: PPO, SAC or TD3 with "MlpPolicy", which acts deterministically here, trained on `sb3_vec_env`, or on
+            ``make_vec_env``, ``DummyVecEnv`` or ``SubprocVecEnv`` of lanekeep's ids, behind ``VecNormalize``,
+            ``VecMonitor`` and ``VecFrameStack`` or none of them.
         overwrite: replace what is there.
 
     Raises:
@@ -111,7 +114,7 @@ def save(path: str | Path, model: Any, overwrite: bool = False) -> PolicyRecord:
     return save_sb3(path, model, overwrite)
 
 
-# Ten parameters, for each is a keyword of users' own: a record of settings would be one more name to learn.
+# Eleven parameters, for each is a keyword of users' own: a record of settings would be one more name to learn.
 def train(
     algorithm: str,
     env_id: str,
@@ -123,6 +126,7 @@ def train(
     overwrite: bool = False,
     threads: int = 1,
     report: Callable[[int, str], None] | None = None,
+    callback: Any = None,
     **changes: Any,
 ) -> LearnedPolicy:
     """Train a policy with the hyper-parameters of ``hyperparameters/ALGORITHM.yaml`` and return it.
@@ -139,6 +143,8 @@ def train(
         resume: go on from the checkpoint in ``out``; overwrite: replace another run there.
         threads: of torch.
         report: called between rollouts with the steps done and a line that tells how good the policy is.
+        callback: of Stable-Baselines3, one or a list, called as well: ``WandbCallback()`` of Weights & Biases, or your
+            own. What it logs goes to the run's logger (``self.logger``), whose formats it may add to.
         changes: of the hyper-parameters, fields of `TrainingSettings`, e.g. ``env={"cost_weight": 0.5}``, or
             ``base="yin-lqr-observer", bound=0.2`` for a correction of that controller, ``imitate="stanley"``.
 
@@ -150,7 +156,20 @@ def train(
         from lanekeep_agents.training.run import run
         from lanekeep_agents.training.settings import settings_for
     settings = settings_for(algorithm, env_id, seed, steps, **changes)
-    return run(settings, Path(out), resume=resume, overwrite=overwrite, threads=threads, report=report)
+    return run(
+        settings, Path(out), resume=resume, overwrite=overwrite, threads=threads, report=report, callback=callback
+    )
+
+
+#: Classes that are imported when somebody asks for them: they take Stable-Baselines3, or safetensors.
+_CLASSES = {"CarVecEnv": "vec_env", "LearnedPolicy": "learned", "PolicyRecord": "policy_record"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _CLASSES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    with _extra():
+        return getattr(import_module(f"lanekeep_agents.{_CLASSES[name]}"), name)
 
 
 @contextmanager

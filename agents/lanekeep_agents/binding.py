@@ -136,13 +136,29 @@ def _column(record: PolicyRecord, wanted: InputChannel, scenario: CarScenario, o
             f"scenario does not observe; channels: {one_line(', '.join(order))}"
         )
     found = scenario.channels[order[wanted.name]]
-    for field in ("unit", "description"):
-        if getattr(found, field) != getattr(wanted, field):
+    for field in ("unit", "low", "high", "description"):
+        told, trained = getattr(found, field), getattr(wanted, field)
+        if field == "description" and told != trained:
+            trained = _described(record).get(wanted.name, trained)
+        if trained is not None and told != trained:
             raise ValueError(
                 f"policy {record.name!r}: the scenario's channel {shown(wanted.name)} has the {field} "
-                f"{getattr(found, field)!r}, allowed: {shown(getattr(wanted, field))}"
+                f"{told!r}, allowed: {shown(trained)}"
             )
     return order[wanted.name]
+
+
+def _described(record: PolicyRecord) -> dict[str, str]:
+    """What the channels trained on mean, in today's words: those of the file may be an older version's.
+
+    Neither road nor world, nor the car, which may name files, say anything of them.
+    """
+    values = {name: value for name, value in record.scenario.items() if name not in ("road", "world", "vehicle")}
+    try:
+        scenario = ENVIRONMENTS[record.env_id].scenario(**values)
+    except (TypeError, ValueError, ArithmeticError):
+        return {}
+    return {channel.name: channel.description for channel in scenario.channels}
 
 
 def _same_action(record: PolicyRecord, scenario: CarScenario) -> bool:

@@ -13,23 +13,38 @@ import stable_baselines3
 import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.torch_layers import FlattenExtractor
-from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 from torch import nn
 
 import lanekeep_env
 from lanekeep_agents.policy_file import write_policy
 from lanekeep_agents.policy_record import InputChannel, Network, Normalisation, PolicyRecord, Training
-from lanekeep_agents.vec_env import CarVecEnv
+from lanekeep_agents.sb3_layers import layers_of
 
-_ACTIVATIONS: dict[type[Any], str] = {nn.ReLU: "relu", nn.Tanh: "tanh"}
+#: Activations of policy files; what can be set of them must be what torch sets by itself.
+ACTIVATIONS: dict[type[Any], str] = {
+    nn.ReLU: "relu",
+    nn.Tanh: "tanh",
+    nn.Sigmoid: "sigmoid",
+    nn.SiLU: "silu",
+    nn.Softplus: "softplus",
+    nn.Mish: "mish",
+    nn.ELU: "elu",
+    nn.SELU: "selu",
+    nn.LeakyReLU: "leaky_relu",
+    nn.Softsign: "softsign",
+}
 
 
-def export_sb3(model: Any, vec_normalize: Any = None) -> tuple[Network, Normalisation, dict[str, NDArray[np.float32]]]:
+def export_sb3(
+    model: Any, vec_normalize: Any = None, frames: int = 1, normalized_frames: bool = False
+) -> tuple[Network, Normalisation, dict[str, NDArray[np.float32]]]:
     """Return what a policy file needs of a model: its actor, acting deterministically, and its normalisation.
 
     Args:
-        model: PPO, SAC or TD3 with "MlpPolicy", hidden layers of ReLU or Tanh, and actions in [-1, 1].
+        model: PPO, SAC or TD3 with "MlpPolicy", hidden layers of one of `ACTIVATIONS`, and actions in [-1, 1].
         vec_normalize: the `VecNormalize` that it was trained with, None for none.
+        frames: observations that are stacked.
+        normalized_frames: whether each was normalised before, and not the stack.
 
     Raises:
         ValueError: an actor that is made of anything else; names what.
@@ -41,7 +56,10 @@ def export_sb3(model: Any, vec_normalize: Any = None) -> tuple[Network, Normalis
     if type(extractor) is not FlattenExtractor:
         raise ValueError(f"features_extractor={type(extractor).__name__} is not allowed: it must be FlattenExtractor")
     dense, activation = _dense(layers)
-    normalisation, mean, variance = _statistics(vec_normalize, dense[0].in_features)
+    inputs = dense[0].in_features
+    normalisation, mean, variance = _statistics(vec_normalize, inputs // frames if normalized_frames else inputs)
+    if normalized_frames:
+        mean, variance = np.tile(mean, frames), np.tile(variance, frames)
     tensors = {"mean": _float32(mean), "variance": _float32(variance)}
     for i, layer in enumerate(dense):
         tensors[f"layers.{i}.weight"] = _float32(layer.weight.detach().cpu().numpy())
@@ -49,30 +67,25 @@ def export_sb3(model: Any, vec_normalize: Any = None) -> tuple[Network, Normalis
     # What a mean loses as float32 is much where the channel hardly varies; the first bias takes it.
     lost = (tensors["mean"] - np.asarray(mean)) / np.sqrt(np.asarray(variance) + normalisation.epsilon)
     tensors["layers.0.bias"] += _float32(tensors["layers.0.weight"] @ lost)
+    if frames > 1:  # zeros stand before the first frame, in the units in which frames are stacked
+        zero = 0.0 if normalized_frames else -np.asarray(mean) / np.sqrt(np.asarray(variance) + normalisation.epsilon)
+        zero = np.clip(zero, -normalisation.clip, normalisation.clip) - lost
+        tensors["before"] = _float32(zero[: inputs - inputs // frames])
     hidden = tuple(layer.out_features for layer in dense[:-1])
     return Network(hidden, activation, squash), normalisation, tensors
 
 
 def save_sb3(path: str | Path, model: Any, overwrite: bool = False) -> PolicyRecord:
-    """Write the policy file of a model that was trained on a `CarVecEnv`; see `lanekeep_agents.save`."""
+    """Write the policy file of a model; see `lanekeep_agents.save`."""
     env = model.get_env()
-    cars = None if env is None else env.unwrapped
-    if not isinstance(cars, CarVecEnv):
-        raise ValueError(f"env={env!r} is not allowed: the model must have been trained on sb3_vec_env(...)")
-    layer: Any = env
-    while not isinstance(layer, CarVecEnv):
-        if not isinstance(layer, VecNormalize | VecMonitor):
-            raise ValueError(
-                f"env has the layer {type(layer).__name__}, which a policy file cannot hold; allowed: VecNormalize, "
-                "VecMonitor"
-            )
-        layer = layer.venv
-    vector: Any = cars.env.unwrapped
-    network, normalisation, tensors = export_sb3(model, model.get_vec_normalize_env())
+    if env is None:
+        raise ValueError("model has no env: it must have been trained on lanekeep's, e.g. sb3_vec_env(...)")
+    layers = layers_of(env)
+    network, normalisation, tensors = export_sb3(model, layers.normalize, layers.frames, layers.normalized_frames)
     record = PolicyRecord(
         name=Path(path).stem,
         algorithm=type(model).__name__,
-        env_id=vector.spec.id,
+        env_id=layers.env_id,
         network=network,
         normalisation=normalisation,
         training=Training(
@@ -84,7 +97,8 @@ def save_sb3(path: str | Path, model: Any, overwrite: bool = False) -> PolicyRec
             versions=versions(),
             scores={},
         ),
-        **scenario_fields(vector.scenario),
+        frames=layers.frames,
+        **scenario_fields(layers.scenario),
     )
     Path(path).parent.mkdir(parents=True, exist_ok=True)  # nobody wants to train again for a missing folder
     return write_policy(path, record, tensors, overwrite)
@@ -95,7 +109,7 @@ def scenario_fields(scenario: Any) -> dict[str, Any]:
     return {
         "scenario": scenario.to_dict(),
         "scenario_hash": scenario.hash,
-        "channels": tuple(InputChannel(c.name, c.unit, c.description) for c in scenario.channels),
+        "channels": tuple(InputChannel(c.name, c.unit, c.description, c.low, c.high) for c in scenario.channels),
         "actions": scenario.num_actions,
         "action": scenario.action,
         "max_steering_angle": scenario.max_steering_angle,
@@ -137,10 +151,12 @@ def _dense(layers: list[nn.Module]) -> tuple[list[Any], str]:
         if not isinstance(layer, nn.Linear):
             raise ValueError(f"layer {layer} is not allowed: it must be Linear")
     kinds = {type(layer) for layer in between}
-    if len(kinds) > 1 or not kinds <= set(_ACTIVATIONS):
-        found = ", ".join(sorted(kind.__name__ for kind in kinds))
-        raise ValueError(f"activation_fn={found} is not allowed: it must be ReLU or Tanh")
-    return dense, _ACTIVATIONS[kinds.pop()] if kinds else "relu"
+    usual = kinds <= set(ACTIVATIONS) and all(str(layer) == str(type(layer)()) for layer in between)
+    if len(kinds) > 1 or not usual:
+        found = ", ".join(sorted({str(layer) for layer in between}))
+        allowed = ", ".join(kind.__name__ for kind in ACTIVATIONS)
+        raise ValueError(f"activation_fn={found} is not allowed: it must be one of {allowed}, as torch sets it")
+    return dense, ACTIVATIONS[kinds.pop()] if kinds else "relu"
 
 
 def _statistics(vec_normalize: Any, inputs: int) -> tuple[Normalisation, Any, Any]:

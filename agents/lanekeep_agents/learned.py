@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lanekeep_agents.activations import ACTIVATIONS
 from lanekeep_agents.binding import Binding
+from lanekeep_agents.frames import stacked
 from lanekeep_agents.policy_file import check_tensors
 from lanekeep_agents.policy_record import PolicyRecord
 from lanekeep_env.scenario.car import CarScenario
@@ -50,11 +52,21 @@ class LearnedPolicy:
         variance = tensors["variance"].astype(np.float64)
         # What is added to or multiplied by blocks has their shape: numpy then runs through a block at once.
         self._mean = _block(tensors["mean"])
+        self._frames = record.frames
+        if record.frames > 1:
+            self._before = tensors["before"].copy()  # what stands for frames before the first, normalised
+        self._activate = ACTIVATIONS[record.network.activation]
         self._inverse = _block((1.0 / np.sqrt(variance + record.normalisation.epsilon)).astype(np.float32))
         hidden = range(len(record.network.hidden))
         self._hidden = [(tensors[f"layers.{i}.weight"].T.copy(), _block(tensors[f"layers.{i}.bias"])) for i in hidden]
         last = len(record.network.hidden)
         self._last = tensors[f"layers.{last}.weight"].copy(), tensors[f"layers.{last}.bias"].copy()
+
+    def __repr__(self) -> str:
+        record = self.record
+        base = f", corrects {record.base}" if record.base else ""
+        frames = f", {record.frames} frames" if record.frames > 1 else ""
+        return f"<{type(self).__name__} {self.name}: {record.algorithm} trained on {record.env_id}{base}{frames}>"
 
     def predict(
         self,
@@ -67,12 +79,12 @@ class LearnedPolicy:
 
         Args:
             observation: (channels,) or (n, channels) of the scenario.
-            state: what the last call returned; only the base of a residual policy may have one.
+            state: what the last call returned; the base of a residual policy may have one, and frames are one.
             episode_start: () or (n,); rows that are true forget their state.
             deterministic: there is nothing random here; accepted for Stable-Baselines3's sake.
 
         Returns:
-            Actions, float32, (actions,) or (n, actions); the base's state, or None.
+            Actions, float32, (actions,) or (n, actions); the base's state, the frames before, or None.
 
         Raises:
             ValueError: an observation or a state of another shape.
@@ -85,37 +97,42 @@ class LearnedPolicy:
             )
         rows = given[None] if given.ndim == 1 else given
         following = None
+        seen = rows[:, self._bound.columns]
         if self._base is None:
-            action = self._network(rows, None)
+            if self._frames > 1:
+                seen, following = stacked(seen, self._frames, state, episode_start)
+            action = self._network(seen, None)
         else:
             base, following = self._base.predict(observation, state, episode_start)
             base = base.reshape(len(rows), self.record.actions).clip(-1.0, 1.0)
-            action = self._network(rows, base)
+            action = self._network(seen, base)
             action *= np.float32(self.record.bound)
             action += base
             action.clip(-1.0, 1.0, out=action)
         action = self._bound.convert(action, rows)
-        return (action[0] if given.ndim == 1 else action), following
+        if given.ndim == 1:
+            return action[0], following[0] if self._frames > 1 and following is not None else following
+        return action, following
 
-    def _network(self, rows: NDArray[np.float32], base: NDArray[np.float32] | None) -> NDArray[np.float32]:
-        """Return the network's outputs, clipped to [-1, 1], (n, actions)."""
+    def _network(self, seen: NDArray[np.float32], base: NDArray[np.float32] | None) -> NDArray[np.float32]:
+        """Return the network's outputs for what is seen, (n, inputs), clipped to [-1, 1], (n, actions)."""
         record = self.record
-        n, read = len(rows), len(record.channels)
+        n, read = seen.shape
         y = np.zeros((-(-n // BLOCK), BLOCK, record.inputs), dtype=np.float32)
         x = y.reshape(-1, record.inputs)
-        x[:n, :read] = rows[:, self._bound.columns]
+        x[:n, :read] = seen
         if base is not None:
             x[:n, read:] = base
         y -= self._mean
         y *= self._inverse
         y.clip(-record.normalisation.clip, record.normalisation.clip, out=y)
+        if self._frames > 1:
+            earlier = y[:, :, : len(self._before)]
+            np.copyto(earlier, self._before, where=np.isnan(earlier))
         for weight, bias in self._hidden:
             y = y @ weight
             y += bias
-            if record.network.activation == "tanh":
-                np.tanh(y, out=y)
-            else:
-                y.clip(0.0, np.inf, out=y)  # three times as fast as np.maximum with a number
+            self._activate(y)
         weight, bias = self._last
         action = np.vecdot(y[:, :, None, :], weight).reshape(-1, record.actions)[:n] + bias
         if record.network.squash:

@@ -9,6 +9,7 @@ from dataclasses import MISSING, asdict, dataclass, fields, replace
 from itertools import pairwise
 from typing import Any, ClassVar, Self
 
+from lanekeep_agents.activations import ACTIVATIONS
 from lanekeep_env import ENVIRONMENTS
 from lanekeep_env.checks import LONGEST_ECHO, choose, from_mapping, plain_numbers, require, shown
 
@@ -24,15 +25,19 @@ Shape = tuple[int, ...]
 
 @dataclass(frozen=True)
 class InputChannel:
-    """A channel of the observation that the policy reads."""
+    """A channel of the observation that the policy reads; bounds are None in files that are older than them."""
 
     name: str
     unit: str
     description: str
+    low: float | None = None
+    high: float | None = None
 
     def __post_init__(self) -> None:
         for field in ("name", "unit", "description"):
             _text(f"channels.{field}", getattr(self, field), empty=field != "name")
+        for field in ("low", "high"):
+            require(f"channels.{field}", getattr(self, field), self.unit, optional=True)
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,7 @@ class Network:
 
     Attributes:
         hidden: width of each hidden layer.
-        activation: of the hidden layers, "relu" or "tanh".
+        activation: of the hidden layers, one of `ACTIVATIONS`.
         squash: whether the output goes through tanh, as the actors of SAC and TD3; PPO's is clipped.
     """
 
@@ -57,7 +62,7 @@ class Network:
         for width in self.hidden:
             require("network.hidden", width, "units", at_least=2, at_most=4096, whole=True)
         object.__setattr__(self, "hidden", tuple(int(width) for width in self.hidden))
-        choose("network.activation", self.activation, ("relu", "tanh"))
+        choose("network.activation", self.activation, ACTIVATIONS)
         if not isinstance(self.squash, bool):
             raise ValueError(f"network.squash={shown(self.squash)} is not allowed: it must be true or false")
 
@@ -122,6 +127,7 @@ class PolicyRecord:
         training: how they came about.
         base: classical policy that this one corrects, None for none; its actions are inputs behind the channels.
         bound: largest correction of an action, None without a base.
+        frames: observations that the policy sees at once, the present one and those before it.
         sha256: of the file of weights; `write_policy` fills it in.
 
     Raises:
@@ -144,6 +150,7 @@ class PolicyRecord:
     training: Training
     base: str | None = None
     bound: float | None = None
+    frames: int = 1
     sha256: str = ""
 
     _parts: ClassVar[Mapping[str, Callable[[Any], Any]]] = {
@@ -174,6 +181,9 @@ class PolicyRecord:
             require("bound", self.bound, "(a share of the action)", above=0.0, at_most=2.0)
         elif self.bound is not None:
             raise ValueError(f"bound={shown(self.bound)} is not allowed: it must be null where base is null")
+        require("frames", self.frames, "observations", at_least=1, at_most=256, whole=True)
+        if self.frames > 1 and self.base is not None:
+            raise ValueError(f"frames={self.frames} is not allowed: it must be 1 where there is a base")
         if self.sha256:
             _digits("sha256", self.sha256, 64)
         plain_numbers(self)
@@ -181,12 +191,14 @@ class PolicyRecord:
     @property
     def inputs(self) -> int:
         """Inputs of the network."""
-        return len(self.channels) + (self.actions if self.base is not None else 0)
+        return self.frames * len(self.channels) + (self.actions if self.base is not None else 0)
 
     @property
     def shapes(self) -> dict[str, Shape]:
         """Shape of each tensor."""
         shapes: dict[str, Shape] = {"mean": (self.inputs,), "variance": (self.inputs,)}
+        if self.frames > 1:
+            shapes["before"] = (self.inputs - len(self.channels),)
         widths = (self.inputs, *self.network.hidden, self.actions)
         for i, (before, after) in enumerate(pairwise(widths)):
             shapes |= {f"layers.{i}.weight": (after, before), f"layers.{i}.bias": (after,)}
@@ -207,7 +219,8 @@ class PolicyRecord:
             raise ValueError("format is missing: not the record of a learned policy")
         if values["format"] != FORMAT or isinstance(values["format"], bool):
             raise ValueError(f"format={shown(values['format'])} is unknown; allowed: {FORMAT}")
-        record = _part(cls, {name: value for name, value in values.items() if name != "format"}, "the record", True)
+        given = {"frames": 1, **values}  # of which older files do not know
+        record = _part(cls, {name: value for name, value in given.items() if name != "format"}, "the record", True)
         _digits("sha256", record.sha256, 64)
         return record
 

@@ -42,9 +42,13 @@ class CarVecEnv(VecEnv):
     def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
         """Keep reset options for the next `reset`: one mapping for all cars, or one a car with the same keys."""
         each = [options or {}] * self.num_envs if not isinstance(options, list) else options
-        if len({tuple(sorted(one)) for one in each}) > 1:
-            raise ValueError("reset options must have the same keys in every car")
-        self._start = {key: np.array([one[key] for one in each]) for key in each[0]}
+        if len(each) != self.num_envs or len({tuple(sorted(one)) for one in each}) > 1:
+            raise ValueError(f"reset options must be one mapping, or {self.num_envs} of them with the same keys")
+        # What is the same for all is handed on as it is: bounds of what episodes draw are not one number a car.
+        self._start = {
+            key: value if all(one[key] == value for one in each) else np.array([one[key] for one in each])
+            for key, value in each[0].items()
+        }
 
     def _reset_options(self) -> None:
         self._start = {}
@@ -74,26 +78,38 @@ class CarVecEnv(VecEnv):
         self.env.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return an attribute of the vector environment, once a car asked for."""
-        value = getattr(self.env.unwrapped, attr_name)
-        cars = list(self._get_indices(indices))
-        if isinstance(value, np.ndarray) and len(value) == self.num_envs:
-            return [value[car] for car in cars]
-        return [value] * len(cars)
+        """Return an attribute of the vector environment, each chosen car's part of it."""
+        return self._shares(getattr(self.env.unwrapped, attr_name), indices)
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Not supported: a scenario is frozen; make another environment."""
-        raise AttributeError(f"{attr_name!r} cannot be set: scenarios are frozen, make another environment")
+        """Set an attribute of the vector environment, for all cars at once.
+
+        Raises:
+            AttributeError: it is one of the scenario, which is settled, or ``indices`` are not all.
+        """
+        if len(list(self._get_indices(indices))) != self.num_envs:
+            raise AttributeError(f"{attr_name} cannot be set for some cars: they are one vector environment")
+        setattr(self.env.unwrapped, attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Call a method of the vector environment once and return its result for each car asked for."""
+        """Call a method of the vector environment once; return each chosen car's part of the result.
+
+        An array with an entry a car is shared out, and so are pictures; anything else is everybody's.
+        """
         result = getattr(self.env.unwrapped, method_name)(*args, **kwargs)
-        return [result] * len(list(self._get_indices(indices)))
+        if method_name == "render" and result is not None:
+            return [result[car] for car in self._get_indices(indices)]
+        return self._shares(result, indices)
+
+    def _shares(self, value: Any, indices: VecEnvIndices) -> list[Any]:
+        each = isinstance(value, np.ndarray) and value.ndim > 0 and len(value) == self.num_envs
+        return [value[car] if each else value for car in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
         """No car is wrapped."""
         return [False] * len(list(self._get_indices(indices)))
 
     def get_images(self) -> Sequence[np.ndarray | None]:
-        """No pictures."""
-        return [None] * self.num_envs
+        """Return a picture of each car (render_mode="rgb_array"), None for each without."""
+        pictures: Any = self.env.render()
+        return [None] * self.num_envs if pictures is None else pictures

@@ -175,6 +175,21 @@ class SteeringPolicy(Declared):
         return (command / self._scale)[:, None]
 
 
+#: Way after which a command counts in full, m.
+SETTLING_WAY = 0.1
+
+
+def turned_on_the_way(command: Floats, before: Floats, speed: Floats, control_step: float) -> Floats:
+    """Return what is asked for of a car that turns its wheels only as far as it drives, rad, (n,).
+
+    A car that stands cannot come nearer to its path, and a law without regard for that steers after its sensors' noise.
+    Of a new ``command`` the share |v| dt / `SETTLING_WAY` counts, the rest is the one ``before``: all of it from
+    2 m/s on at a control step of 0.05 s, nothing of it at standstill.
+    """
+    share = np.minimum(np.abs(speed) * (control_step / SETTLING_WAY), 1.0)
+    return np.where(share < 1.0, before + share * (command - before), command)
+
+
 class DrivingPolicy(SteeringPolicy):
     """A controller that asks for a speed as well: `command` returns angle (rad) and set speed (m/s), (n, 2)."""
 

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.policy import Floats, LaneScenario, PreviewScenario, SteeringPolicy
+from lanekeep_baselines.policy import Floats, LaneScenario, PreviewScenario, SteeringPolicy, turned_on_the_way
 
 
 class PurePursuit(SteeringPolicy):
@@ -23,12 +23,14 @@ class PurePursuit(SteeringPolicy):
     that reach so many seconds ahead the path is built from their curvature (beyond the last sample, which at low speed
     is nearer than the goal, its curvature goes on); without, it is the straight line that lateral and heading error
     describe, and the car runs wide in curves by about kappa L_d²/2. The geometry knows no slip: a car that understeers
-    runs wider by as much steering as it lacks (Yin's car at 0.4 g and 20 m/s by 1.8 m, at 50 m/s by 9.6 m).
+    runs wider by as much steering as it lacks (Yin's car at 0.4 g and 20 m/s by 1.8 m, at 50 m/s by 9.6 m). Below
+    walking pace the command follows the way driven (`turned_on_the_way`).
     """
 
     name = "pure-pursuit"
-    reads = ("lateral_error", "heading_error", "speed")
+    reads = ("lateral_error", "heading_error", "speed", "steering_command")
     uses = ("curvature_preview_*",)
+    memory = 1  # the last command, rad
     #: s; shorter follows closer and swings more (Yin's car at 50 m/s: damping 0.18, at 0.5 s 0.14).
     lookahead_time: ClassVar[float] = 0.8
     #: m
@@ -37,7 +39,7 @@ class PurePursuit(SteeringPolicy):
     def __init__(self, scenario: PreviewScenario) -> None:
         super().__init__(scenario)
         self._wheelbase, self._to_rear = scenario.vehicle.wheelbase, scenario.vehicle.cg_to_rear_axle
-        self._interval = scenario.preview_interval
+        self._step, self._interval = scenario.control_step, scenario.preview_interval
         samples = tuple(channel for channel in self._order if channel.startswith("curvature_preview_"))
         reaches = (len(samples) - 1) * self._interval >= self.lookahead_time - 1e-9
         self._samples = samples if reaches else ()
@@ -49,18 +51,24 @@ class PurePursuit(SteeringPolicy):
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats | None]:
+        before = np.where(fresh, at["steering_command"], memory[:, 0])
+        steer = turned_on_the_way(self.wanted(at), before, at["speed"], self._step)
+        return steer, steer[:, None]
+
+    def wanted(self, at: Mapping[str, Floats]) -> Floats:
+        """Return the road-wheel angle of the law, rad, (n,)."""
         # Path frame: origin beside the centre of gravity, x along the path, y to the left.
         sine, cosine = np.sin(at["heading_error"]), np.cos(at["heading_error"])
         rear_x = -self._to_rear * cosine
         rear_y = at["lateral_error"] - self._to_rear * sine
-        wanted = self.lookahead(at["speed"])
+        distance = self.lookahead(at["speed"])
         # Further off than L_d, the nearest point of the path is the goal.
-        ahead = rear_x + np.sqrt(np.maximum(wanted * wanted - rear_y * rear_y, 0.0))
+        ahead = rear_x + np.sqrt(np.maximum(distance * distance - rear_y * rear_y, 0.0))
         goal_x, goal_y = self._point(at, ahead) if self._samples else (ahead, np.zeros_like(ahead))
         x, y = goal_x - rear_x, goal_y - rear_y
         # sin(alpha) = (lateral distance of the goal in the car's axes) / L, with the goal's actual distance L.
         curvature = 2.0 * (y * cosine - x * sine) / (x * x + y * y)
-        return self.steering(curvature, at["speed"]), None
+        return self.steering(curvature, at["speed"])
 
     def steering(self, curvature: Floats, speed: Floats) -> Floats:
         """Return the road-wheel angle for an arc of ``curvature`` (1/m), rad, (n,)."""

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_baselines.policy import Floats, SteeringPolicy, TyreScenario
+from lanekeep_baselines.policy import Floats, SteeringPolicy, TyreScenario, turned_on_the_way
 
 
 class Stanley(SteeringPolicy):
@@ -25,12 +25,14 @@ class Stanley(SteeringPolicy):
 
     With `curvature_preview_0` the path is the circle of that curvature kappa; psi_ss, the front slip of a steady curve,
     and the yaw rate v kappa then leave no steady error. Without previews kappa counts as 0, and the car runs wide.
+    Below walking pace the command follows the way driven (`turned_on_the_way`).
     Scenarios without slip have neither psi_ss nor yaw damping (sampled, it would be unstable where nothing slips).
     """
 
     name = "stanley"
-    reads = ("lateral_error", "heading_error", "yaw_rate", "speed")
+    reads = ("lateral_error", "heading_error", "yaw_rate", "speed", "steering_command")
     uses = ("curvature_preview_0",)
+    memory = 1  # the last command, rad
     #: k, 1/s: small errors decay with exp(-k t).
     gain: ClassVar[float] = 2.0
     #: k_soft, m/s: bounds the gain on the error at standstill.
@@ -43,6 +45,7 @@ class Stanley(SteeringPolicy):
         super().__init__(scenario)
         car = scenario.vehicle
         slips = scenario.dynamics != "kinematic"
+        self._step = scenario.control_step
         self._to_front = car.cg_to_front_axle
         self._damping = self.yaw_damping if slips else 0.0
         # Front axle mass over stiffness: slip per lateral acceleration, rad s²/m.
@@ -61,6 +64,12 @@ class Stanley(SteeringPolicy):
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats | None]:
+        before = np.where(fresh, at["steering_command"], memory[:, 0])
+        steer = turned_on_the_way(self.wanted(at), before, at["speed"], self._step)
+        return steer, steer[:, None]
+
+    def wanted(self, at: Mapping[str, Floats]) -> Floats:
+        """Return the road-wheel angle of the law, rad, (n,)."""
         speed = at["speed"]
         curvature = at.get("curvature_preview_0", np.zeros_like(speed))
         lateral, heading = self.front_axle(at["lateral_error"], at["heading_error"], curvature)
@@ -68,4 +77,4 @@ class Stanley(SteeringPolicy):
         # At standstill and without softening the gain is unbounded: the angle is then at its limit, not NaN.
         pull = np.arctan2(self.gain * lateral, self.softening + speed)
         damping = self._damping * (at["yaw_rate"] - turning)
-        return self._slip * speed * turning - heading - pull - damping, None
+        return self._slip * speed * turning - heading - pull - damping

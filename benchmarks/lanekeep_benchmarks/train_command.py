@@ -33,6 +33,13 @@ def train(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="A hyper-parameter: --set env.friction=0.6; may be repeated."),
     ] = None,
+    callback: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODULE:FACTORY",
+            help="Of Stable-Baselines3, called as well: wandb.integration.sb3:WandbCallback, or my.py:make.",
+        ),
+    ] = None,
     threads: Annotated[int, typer.Option(min=1, help="Of torch; small networks are quickest with one.")] = 1,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out from its checkpoint.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the run in --out.")] = False,
@@ -62,6 +69,7 @@ def train(
                 settings = settings_for(algorithm, env_id, seed or 0, steps, **changes_from(changes or ()), **asked)
             except TypeError as error:
                 raise ValueError(error) from error
+        called = None if callback is None else _callback(callback)
         name = policy_name(settings)
         folder = out or Path("results") / f"train-{name}"
     how = f"; to go on: lanekeep train --resume --out {shlex.quote(str(folder))}"
@@ -71,12 +79,30 @@ def train(
         def show(done: int, line: str) -> None:
             progress.update(task, completed=done, told=line)
 
-        policy = run(settings, folder, resume=resume, overwrite=overwrite, threads=threads, report=show)
+        policy = run(
+            settings, folder, resume=resume, overwrite=overwrite, threads=threads, report=show, callback=called
+        )
     file = folder / f"{name}.json"
     if as_json:
         print(json.dumps({"folder": str(folder), "policy": str(file), **policy.record.training.scores}))
     else:
         print(f"{name}: {_in_words(policy.record.training)}\nPolicy: {file}")
+
+
+def _callback(text: str) -> Any:
+    """Make the callback that a person named on the command line."""
+    from stable_baselines3.common.callbacks import BaseCallback
+
+    from lanekeep_benchmarks.own_code import load_factory
+
+    try:
+        factory: Any = load_factory(text)
+        made = factory()
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"--callback: {error}") from error
+    if not isinstance(made, BaseCallback):
+        raise ValueError(f"--callback: {text} made a {type(made).__name__}; it must be a callback of Stable-Baselines3")
+    return made
 
 
 def _settings_as_they_were(out: Path | None, others: tuple[object, ...]) -> TrainingSettings:

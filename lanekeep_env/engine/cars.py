@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.utils import seeding
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import shown
+from lanekeep_env.engine.reset_options import DRAWN, bounds, split, start_rows
 from lanekeep_env.engine.step import Family, reset_kernel, step_kernels
 from lanekeep_env.sensing.measure import TRUTH
 
@@ -37,7 +37,7 @@ class Cars:
     #: Row that is infinite where a column has no car.
     empty_row: ClassVar[int]
     #: Arrays that change while the cars drive.
-    moving: tuple[str, ...] = ("cars", "counters")
+    moving: tuple[str, ...] = ("cars", "counters", "ranges")
 
     # What `_bind` fetches, and no pickle keeps: tables and what the scenario has, and the kernels.
     ground: Any
@@ -105,6 +105,11 @@ class Cars:
         return np.array([steering.backlash / 2, steering.feedback == "motor"], dtype=self.dtype)
 
     @property
+    def ranges(self) -> np.ndarray:
+        """Low and high of each number that episodes draw, a view of the settings."""
+        return self.settings[at.RANGES : at.RANGES + 2 * len(DRAWN)]
+
+    @property
     def outcome_rows(self) -> int:
         """Rows of the outcome that a step writes."""
         return self.family.outcome_rows
@@ -118,7 +123,13 @@ class Cars:
         self, options: dict[str, Any] | None, mask: np.ndarray, observation: np.ndarray, outcome: np.ndarray
     ) -> None:
         """Start the next episode of the cars in ``mask`` (bool, (n,)), writing their observations and truth."""
-        start = self._start(options) if options else self._free_start
+        start = self._free_start
+        if options is not None and options != {}:
+            fixed, drawn = split(options, self.start_options)
+            start = start_rows(fixed, self.start_options, self.num_cars)
+            self._check_place(start)
+            if drawn:
+                self.ranges[:] = bounds(drawn, self.scenario)
         self._reset(mask, start, *self.state, observation, outcome)
 
     def seed(self, seeds: Sequence[int | None]) -> None:
@@ -137,28 +148,12 @@ class Cars:
         """Raise ValueError for a state, of the right shapes, that no car has."""
         raise NotImplementedError
 
-    def _start(self, options: dict[str, Any]) -> np.ndarray:
-        """Read reset options; return the kernel's start rows, NaN where an episode draws."""
-        allowed = self.start_options
-        start = np.full((at.START_ROWS, self.num_cars), np.nan)
-        if not isinstance(options, dict):
-            raise ValueError(f"reset options={shown(options)} must be a mapping; allowed: {', '.join(allowed)}")
-        for key, value in options.items():
-            if key not in allowed:
-                raise ValueError(f"reset option {shown(key)} is unknown; allowed: {', '.join(allowed)}")
-            row = allowed.index(key)
-            try:
-                start[row] = np.asarray(value, dtype=np.float64)
-            except (TypeError, ValueError, OverflowError):
-                raise ValueError(
-                    f"reset option {key}={shown(value)} must be a number or one number a car ({self.num_cars})"
-                ) from None
-            if not np.isfinite(start[row]).all():
-                raise ValueError(f"reset option {key}={shown(value)} must be finite; leave it out to have it drawn")
-        self._check_place(start)
-        if np.any(np.abs(start[:2]) > [[20.0], [np.pi]]):
-            raise ValueError("reset options lateral_error and heading_error must be within 20 m and pi rad")
-        return start
+    def check_ranges(self, ranges: np.ndarray) -> None:
+        """Raise ValueError for bounds of the draws outside the scenario's."""
+        declared = np.reshape(self.scenario.randomisation.bounds(), (-1, 2)).astype(self.dtype)
+        low, high = np.reshape(ranges, (-1, 2)).T
+        if not ((declared[:, 0] <= low) & (low <= high) & (high <= declared[:, 1])).all():
+            raise ValueError("state: its bounds of what episodes draw are not within the scenario's randomisation")
 
     def _check_place(self, start: np.ndarray) -> None:
         """Raise ValueError where the last two start rows name a place that does not exist."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isnan
 from typing import Any
 
 import gymnasium as gym
@@ -84,6 +85,10 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
         self.__dict__.update(state)
         self._bind()
 
+    def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
+        """Refuse what is settled, which wrappers would else take for an attribute of their own."""
+        return super().set_wrapper_attr(name, value, force=force or name in self._settled)
+
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Advance by one control step; see the class's docstring.
 
@@ -101,7 +106,7 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
                 self._action[0] = value = float(given.item())
             else:
                 self._action[:] = given
-                value = float(self._action.sum())
+                value = max(self._action.tolist(), key=isnan)  # a NaN, if there is one; a sum of infinities is one too
         except (TypeError, ValueError):
             raise ValueError(f"action={shown(action)} is not a number; it must be one in [-1, 1]") from None
         if value != value:

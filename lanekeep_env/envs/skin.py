@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
 import operator
-from copy import copy
+from dataclasses import fields, replace
 from typing import Any, ClassVar
 
+import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 
 from lanekeep_env.checks import choose, shown
+from lanekeep_env.plain import json_able
 from lanekeep_env.scenario import Channel
 from lanekeep_env.scenario.car import CarScenario
 
@@ -30,6 +33,13 @@ class Skin:
     scenario: Any
     _core: Any
     _spec: EnvSpec | None = None
+    #: What the scenario says, and nobody can set.
+    _settled: ClassVar[frozenset[str]] = frozenset()
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        if "scenario_class" in cls.__dict__:
+            cls._settled = frozenset({f.name for f in fields(cls.scenario_class)} | {"channels", "hash"})
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -38,11 +48,29 @@ class Skin:
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        # None is registered: a number there would cut every longer `episode_steps`. Trainers read it here.
-        if spec is not None and spec.max_episode_steps is None:
-            spec = copy(spec)
-            spec.max_episode_steps = self.scenario.episode_steps
+        if spec is not None:
+            self._check_limit(spec.max_episode_steps or _limit_given_to_make())
+            # None is registered: a number there would cut every longer `episode_steps`. Trainers read it here.
+            limit = spec.max_episode_steps or self.scenario.episode_steps
+            spec = replace(spec, max_episode_steps=limit, kwargs=json_able(spec.kwargs))
         self._spec = spec
+
+    def _check_limit(self, limit: int | None) -> None:
+        """Raise ValueError for a limit of control steps that episodes do not reach: it would change nothing."""
+        if limit is not None and limit > self.scenario.episode_steps:
+            raise ValueError(
+                f"max_episode_steps={shown(limit)} is not allowed: an episode of this scenario has "
+                f"{self.scenario.episode_steps} steps, and more take episode_steps={shown(limit)} (or no limit)"
+            )
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse what would change nothing: a scenario is settled when the environment is made."""
+        if name in self._settled or (name == "scenario" and name in self.__dict__):
+            raise AttributeError(
+                f"{name} cannot be set: it is settled when the environment is made. Make another one with it, or give "
+                "reset(options=...) what episodes may differ in"
+            )
+        super().__setattr__(name, value)
 
     @staticmethod
     def make_cars(*arguments: Any) -> Any:
@@ -59,6 +87,15 @@ class Skin:
         """Name, unit, bounds and meaning of each entry of an observation."""
         channels: tuple[Channel, ...] = self.scenario.channels
         return channels
+
+
+def _limit_given_to_make() -> int | None:
+    """Return ``max_episode_steps`` of the ``gym.make`` that sets a spec: it tells its own wrapper, but not us."""
+    caller = inspect.currentframe()
+    for _ in range(3):  # behind the setter and `__setattr__`
+        caller = caller and caller.f_back
+    limit = caller.f_locals.get("max_episode_steps") if caller and caller.f_code is gym.make.__code__ else None
+    return limit if isinstance(limit, int) else None
 
 
 def observation_space(scenario: CarScenario) -> Box:

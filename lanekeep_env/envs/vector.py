@@ -74,25 +74,23 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             raise ValueError("render_mode='human' is not available for a vector environment; allowed: rgb_array, None")
         code, mode = _AUTORESET[autoreset_mode]
         self.metadata = {**SingleEnv.metadata, "autoreset_mode": mode}
+        self.autoreset_mode = mode  # where Gymnasium's own vector environments have it as well
         self.render_mode = render_mode
         self._pictures: list[Any] = []
         self.num_envs = num_envs = int(num_envs)
         self.scenario = self.scenario_class.from_keywords(_OWN_KEYWORDS, **scenario)
         self.single_observation_space = observation_space(self.scenario)
+        self._check_limit(max_episode_steps)
         self._core = self.make_cars(self.scenario, num_envs, dtype, code, max_episode_steps)
         self.single_action_space = Box(-1.0, 1.0, (self._core.num_actions,), dtype=np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         # What the cars that a masked reset leaves alone showed last.
-        self._last = (
-            np.zeros((num_envs, self._core.num_channels), dtype=np.float32),
-            np.zeros((self._core.outcome_rows, num_envs), dtype=dtype),
-        )
+        self._last = np.zeros((num_envs, self._core.num_channels), dtype=np.float32)
         #: Truth in the infos by name, and its row in the outcome.
         self.truth: dict[str, int] = dict((*_TRUTH, *self.further))
         self._threads = num_threads
         self._same_step = code == at.SAME_STEP
-        self._masked = code == at.NO_AUTORESET
         self._everyone = np.ones(num_envs, dtype=np.bool_)
         self._everyone.flags.writeable = False
 
@@ -120,9 +118,10 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 raise ValueError(f"seed has {len(seeds)} entries; it must be one number or {self.num_envs} of them")
         if seed is not None or not core.seeded:
             core.seed([s if chosen else None for s, chosen in zip(seeds, mask, strict=True)])
-        observation, outcome = (array.copy() for array in self._last)
+        observation = self._last.copy()
+        outcome = np.zeros((core.outcome_rows, self.num_envs), dtype=core.dtype)  # of the others it tells nothing
         core.reset(options, mask, observation, outcome)
-        self._last = (observation.copy(), outcome.copy())
+        self._last = observation.copy()
         return observation, self._infos(outcome, mask)
 
     def _mask(self, mask: np.ndarray | None) -> np.ndarray:
@@ -159,8 +158,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         else:
             numba.set_num_threads(self._threads)
             core.step_parallel(*arguments)
-        # A masked reset shows the other cars again; where that is the rule they are kept from the caller's hands.
-        self._last = (observation.copy(), outcome.copy()) if self._masked else (observation, outcome)
+        self._last = observation.copy()  # what is handed out is the caller's, who may write to it
         terminated = outcome[at.O_TERMINATED] > 0.0
         truncated = outcome[at.O_TRUNCATED] > 0.0
         infos = self._infos(outcome, self._everyone)
@@ -198,6 +196,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                     "from an environment of the same scenario, number of cars and dtype"
                 )
         self._core.check_state(state)
+        self._core.check_ranges(state["ranges"])
         for name, array in wanted.items():
             array[...] = state[name]
         self._core.seeded = True

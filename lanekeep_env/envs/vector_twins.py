@@ -5,6 +5,7 @@ from __future__ import annotations
 from pkgutil import resolve_name
 
 import gymnasium as gym
+from gymnasium.vector import VectorEnv
 
 from lanekeep_env.envs.single import SingleEnv
 from lanekeep_env.envs.skin import Skin
@@ -18,7 +19,7 @@ def vector_twin(name: str, single: type[SingleEnv]) -> type[ManyEnvs]:
     scenario = single.scenario_class
     page = f"Vector form of `{single.__name__}`; arguments are those of `ManyEnvs` and `{scenario.__name__}`."
     body = {"scenario_class": scenario, "__doc__": page, "__module__": __name__}  # where a pickle finds it
-    return type(name, (family, ManyEnvs), body)
+    return type(name, (family, ManyEnvs, VectorEnv), body)  # skrl looks for VectorEnv among the direct bases
 
 
 for _row in ENVIRONMENTS.values():

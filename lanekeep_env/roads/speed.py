@@ -130,7 +130,8 @@ class SetSpeeds:
     """Set speeds in time, drawn anew every while; the car goes from one to the next with a limited acceleration.
 
     Attributes:
-        minimum, maximum: between which a set speed is drawn, m/s.
+        minimum, maximum: between which a set speed is drawn, m/s. A negative minimum, of paths that are driven both
+            ways, makes some of them the other way.
         hold: s from one set speed to the next, a multiple of the control step; None for one an episode.
         standstill: share of set speeds that are 0.
         acceleration: largest change of speed, m/s², either way.
@@ -146,7 +147,7 @@ class SetSpeeds:
 
     def __post_init__(self) -> None:
         require("speed.maximum", self.maximum, "m/s", at_least=0.0, at_most=100.0)
-        require("speed.minimum", self.minimum, "m/s", at_least=0.0, at_most=self.maximum)
+        require("speed.minimum", self.minimum, "m/s", at_least=-100.0, at_most=self.maximum)
         require("speed.hold", self.hold, "s", above=0.0, at_most=1e6, optional=True)
         require("speed.standstill", self.standstill, "(a share)", at_least=0.0, at_most=1.0)
         require("speed.acceleration", self.acceleration, "m/s²", at_least=1e-3, at_most=1e5)
@@ -167,7 +168,7 @@ class SetSpeeds:
     @property
     def largest(self) -> float:
         """Largest speed, m/s."""
-        return self.maximum
+        return max(self.maximum, -self.minimum)
 
     @property
     def lateral_limit(self) -> float:

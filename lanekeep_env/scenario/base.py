@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from functools import cached_property
@@ -17,7 +18,7 @@ from lanekeep_env.scenario.effects import Need, default_of, refuse_idle, unmet
 from lanekeep_env.scenario.integration import Integration
 from lanekeep_env.sensing.faults import SENSOR_SETS, Sensor, Sensors, SensorSets, sensors_from, sensors_to_dict
 
-#: Integration step of every vehicle model, s; control steps and delays are multiples of it.
+#: Longest integration step of every vehicle model, s.
 INTEGRATION_STEP = 0.01
 
 
@@ -59,14 +60,14 @@ class ScenarioRecord:
     Attributes:
         sensors: faults of the measured channels: None, "production", "poor" or a mapping of channels to
             faults (see `Sensor`).
-        control_step: s, a multiple of the integration step.
+        control_step: s; the integration step divides it, and is 0.01 s (0.005 s between walls) where that does.
     """
 
     sensors: Sensors = ()
     control_step: float = 0.05
 
-    #: What control steps and delays are multiples of, s: the integration step of cars that need no shorter one.
-    base_step: ClassVar[float] = INTEGRATION_STEP
+    #: Longest integration step, s.
+    longest_step: ClassVar[float] = INTEGRATION_STEP
     #: Named sets of ``sensors``.
     _sensor_sets: ClassVar[SensorSets] = SENSOR_SETS
     #: Fields that may be given by name, number or mapping, and how they are read.
@@ -93,6 +94,16 @@ class ScenarioRecord:
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
         raise NotImplementedError
 
+    @property
+    def base_step(self) -> float:
+        """Integration step of cars that need no shorter one, s: the longest one that divides the control step.
+
+        Delays are multiples of it.
+        """
+        steps = self.control_step / self.longest_step
+        whole = max(1, round(steps))
+        return self.longest_step if abs(steps - whole) < 1e-6 else self.control_step / math.ceil(steps)
+
     def _completed(self, name: str) -> Any:
         """A field's value; a mapping of some fields of what is the default says what is changed of that."""
         value, usual = getattr(self, name), default_of(type(self), name)
@@ -118,15 +129,33 @@ class ScenarioRecord:
         """Build a scenario from the keywords of ``gym.make``; ``others`` are further ones that it may name.
 
         The record's own constructor also takes what has no effect, for code that changes a field of a scenario.
+        ``scenario`` stands for all keywords: a record of this class, or what its `to_dict` returned.
 
         Raises:
             ValueError: a value that is not allowed, or has no effect in this scenario and is not the default.
             TypeError: an unknown keyword; the nearest valid one is named.
         """
+        whole = keywords.pop("scenario", None)
+        if whole is not None:
+            return cls._given(whole, keywords)
         cls.check_names(keywords, others)
         scenario = cls(**keywords)
         refuse_idle(scenario, scenario._refused(), keywords)
         return scenario
+
+    @classmethod
+    def _given(cls, whole: Any, keywords: Mapping[str, Any]) -> Self:
+        """A scenario that is given as one value: a record of this class, or the mapping of its `to_dict`."""
+        if keywords:
+            raise ValueError(
+                f"scenario= takes no other keyword beside it, and {', '.join(keywords)} was given: "
+                "dataclasses.replace(scenario, ...) changes one"
+            )
+        if type(whole) is cls:
+            return whole
+        if not isinstance(whole, Mapping):
+            raise ValueError(f"scenario={shown(whole)} must be a {cls.__name__}, or a mapping of its keywords")
+        return cls.from_keywords(**whole)
 
     @classmethod
     def check_names(cls, names: Iterable[str], others: Iterable[str] = ()) -> None:
@@ -135,7 +164,11 @@ class ScenarioRecord:
         for name in names:
             if name not in allowed:
                 allowed += others
-                raise TypeError(f"unknown keyword {shown(name)}{nearest(name, allowed)}; allowed: {', '.join(allowed)}")
+                # Python's own words, which clients look for (TorchRL drops a keyword that is refused in them).
+                raise TypeError(
+                    f"got an unexpected keyword argument {shown(name)}{nearest(name, allowed)}; "
+                    f"allowed: {', '.join(allowed)}"
+                )
 
     @property
     def without_effect(self) -> dict[str, Need]:

@@ -27,6 +27,8 @@ from lanekeep_env.scenario.base import ScenarioRecord
 from lanekeep_env.scenario.effects import Need
 
 ACTIONS = {"steering_angle": at.STEERING_ANGLE, "steering_rate": at.STEERING_RATE}
+#: Shortest control step, s.
+SHORTEST_STEP = 0.001
 #: Longest episode, control steps.
 _LONGEST = 10_000_000
 #: What a departure or a contact does.
@@ -90,6 +92,8 @@ class CarScenario(ScenarioRecord):
     randomisation: Randomisation = field(default_factory=Randomisation)
     episode_steps: int = 600
 
+    #: Whether set speeds may be those of either way.
+    both_ways: ClassVar[bool] = False
     #: Bound of the channel that shows the speed, m/s.
     largest_observed_speed: ClassVar[float] = LARGEST_SPEED
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {"vehicle": vehicle_from, "randomisation": randomisation_from}
@@ -150,12 +154,13 @@ class CarScenario(ScenarioRecord):
         require("reference_steering_rate", self.reference_steering_rate, "rad/s", at_least=1e-4, at_most=1e3)
         require("cost_cap", self.cost_cap, "1/s", at_least=1e-6, at_most=1e6)
         choose("observation", self.observation, ("measured", "full"))
-        require("control_step", self.control_step, "s", above=0.0, at_most=1.0)
-        multiple_of_step("control_step", self.control_step, self.base_step)
-        require("control_step", self.control_step, "s", at_least=self.base_step)
+        require("control_step", self.control_step, "s", at_least=SHORTEST_STEP, at_most=1.0)
         multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay, self.base_step)
         check_speed(self.speed.largest, self.randomisation, self.largest_observed_speed)
         self._check_hold()
+        slowest = getattr(self.speed, "minimum", None)
+        if slowest is not None and not self.both_ways:
+            require("speed.minimum", slowest, "m/s", at_least=0.0)
         require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=_LONGEST, whole=True)
 
     def _check_hold(self) -> None:
@@ -265,8 +270,8 @@ def check_speed(largest: float, drawn: Randomisation, limit: float) -> None:
 def multiple_of_step(name: str, seconds: float, step: float) -> None:
     """Raise ValueError unless ``seconds`` is a multiple of ``step``."""
     steps = round(seconds / step)
-    if abs(seconds - steps * step) > 1e-9:
+    if abs(seconds - steps * step) > 1e-5 * step:
         raise ValueError(
-            f"{name}={seconds!r} is not allowed: it must be a multiple of {step} s (the nearest is "
-            f"{max(steps, 1) * step:g} s)"
+            f"{name}={seconds!r} is not allowed: it must be a multiple of {step:.7g} s (the nearest is "
+            f"{max(steps, 1) * step:.7g} s)"
         )

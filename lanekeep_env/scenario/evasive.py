@@ -48,7 +48,7 @@ class ReversePathScenario(RoadScenario):
     The fields of `RoadScenario` and these; errors are the REAR AXLE's.
 
     Attributes:
-        speed: backwards, m/s, or a mapping of `SetSpeeds`.
+        speed: backwards, m/s, or a mapping of `SetSpeeds`; a negative ``minimum`` lets the car drive forwards at times.
         preview, preview_interval: as in `LaneKeepScenario`; ahead is where the car is going, towards the path's start.
     """
 
@@ -69,6 +69,7 @@ class ReversePathScenario(RoadScenario):
     preview_interval: float = 0.1
     view: ClassVar[float] = 30.0
     largest_observed_speed: ClassVar[float] = 20.0
+    both_ways: ClassVar[bool] = True
 
     _sensor_sets: ClassVar[SensorSets] = MANOEUVRE_SENSOR_SETS
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {

@@ -59,7 +59,7 @@ class WallFollowScenario(CarScenario):
         encoder_direction: whether the encoder tells forwards from backwards (the Hall sensor does not).
     """
 
-    base_step: ClassVar[float] = 0.005
+    longest_step: ClassVar[float] = 0.005
     view: ClassVar[float] = 8.0
     largest_observed_speed: ClassVar[float] = 20.0
     task: ClassVar[int] = at.WALL_FOLLOW

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -98,9 +100,10 @@ def test_a_channel_that_hardly_varies_equals_the_model(tmp_path, make_record):
 
 
 def test_actors_of_other_kinds_are_refused():
-    model, env = build(PPO, activation=torch.nn.ELU)
-    with pytest.raises(ValueError, match="activation_fn=ELU is not allowed: it must be ReLU or Tanh"):
-        export_sb3(model, env)
+    for activation, name in ((torch.nn.GELU, "GELU"), (functools.partial(torch.nn.ELU, alpha=0.5), "ELU.alpha=0.5.")):
+        model, env = build(PPO, activation=activation)
+        with pytest.raises(ValueError, match=f"activation_fn={name}.* is not allowed: it must be one of ReLU, Tanh"):
+            export_sb3(model, env)
     env = lanekeep_agents.sb3_vec_env("lanekeep/LaneKeep-v0", 2)
     noisy = SAC("MlpPolicy", env, use_sde=True, buffer_size=10, device="cpu")
     with pytest.raises(ValueError, match="it must be Linear"):

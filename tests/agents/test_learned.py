@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -249,3 +250,36 @@ def test_running_a_policy_needs_neither_torch_nor_stable_baselines():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "lanekeep[agents]" in done.stdout
+
+
+def reworded(record, **changes):
+    """The record with each channel changed."""
+    return replace(record, channels=tuple(replace(one, **changes) for one in record.channels))
+
+
+def test_other_words_for_the_same_channels_change_nothing(make_record, make_tensors):
+    """An older version described them otherwise; what they mean is told by its scenario, in today's words."""
+    scenario = LaneKeepScenario(preview=3)
+    record = make_record(scenario)
+    old = reworded(record, description="as it was once put")
+    rows = np.random.default_rng(0).normal(size=(20, len(scenario.channels))).astype(np.float32)
+    wanted = LearnedPolicy(record, make_tensors(record)).predict(rows)[0]
+    for driven in (None, scenario, LaneKeepScenario(preview=3, road="straight", vehicle="passat")):
+        np.testing.assert_array_equal(LearnedPolicy(old, make_tensors(record), driven).predict(rows)[0], wanted)
+    elsewhere = LaneKeepScenario(preview=3, preview_interval=0.2)
+    for one in (old, record):
+        with pytest.raises(ValueError, match="curvature_preview_1' has the description"):
+            LearnedPolicy(one, make_tensors(record), elsewhere)
+
+
+@pytest.mark.parametrize("change", [{"unit": "ft"}, {"low": -3.5}, {"high": 77.0}], ids=str)
+def test_other_units_and_bounds_say_what_changed(change, make_record, make_tensors):
+    record = reworded(make_record(LaneKeepScenario()), **change)
+    with pytest.raises(ValueError, match=f"lateral_error' has the {next(iter(change))}"):
+        LearnedPolicy(record, make_tensors(record))
+
+
+def test_a_policy_says_what_it_is(make_record, make_tensors):
+    record = make_record(LaneKeepScenario(), frames=4)
+    text = repr(LearnedPolicy(record, make_tensors(record)))
+    assert text == "<LearnedPolicy ppo-test: PPO trained on lanekeep/LaneKeep-v0, 4 frames>"

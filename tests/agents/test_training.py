@@ -13,6 +13,7 @@ import torch
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 
+import lanekeep_agents
 import lanekeep_baselines
 import lanekeep_env
 from lanekeep_agents.training.evaluation import HeldOut
@@ -344,3 +345,19 @@ def test_a_channel_that_never_varies_in_training_does_not_drown_the_others_elsew
     faster[:, speed] *= 1.009
     assert (np.abs(env.normalize_obs(faster)[:, speed]) < 1.0).all()
     assert (np.abs(plain.normalize_obs(faster)[:, speed]) > 5.0).all()
+
+
+def test_callbacks_of_stable_baselines3_are_called_and_log(tmp_path):
+    from stable_baselines3.common.callbacks import BaseCallback
+
+    seen = []
+
+    class Mine(BaseCallback):
+        def _on_step(self) -> bool:
+            seen.append(self.num_timesteps)
+            self.logger.record("mine/steps", self.num_timesteps)
+            return True
+
+    few = {"steps": 64, "num_envs": 16, "evaluation_episodes": 2}
+    lanekeep_agents.train("ppo", "lanekeep/LaneKeep-v0", tmp_path / "run", **few, callback=[Mine()])
+    assert seen[0] == 16 and seen[-1] >= 64

@@ -7,6 +7,8 @@ import pytest
 import lanekeep_env
 
 pytest.importorskip("stable_baselines3")
+from stable_baselines3.common.vec_env import DummyVecEnv, VecVideoRecorder
+
 from lanekeep_agents import sb3_vec_env
 
 
@@ -79,3 +81,48 @@ def test_ppo_learns_from_it():
     env.training = False
     after = mean_return(lambda o: model.predict(env.normalize_obs(o), deterministic=True)[0])
     assert after > 0.5 * before
+
+
+def test_pictures_become_a_film(tmp_path):
+    env = sb3_vec_env("lanekeep/LaneKeep-v0", 4, render_mode="rgb_array")
+    film = VecVideoRecorder(env, str(tmp_path), record_video_trigger=lambda step: step == 0, video_length=5)
+    film.reset()
+    for _ in range(7):
+        film.step(np.zeros((4, 1), np.float32))
+    frames = env.get_images()
+    assert len(frames) == 4 and all(frame.ndim == 3 for frame in frames)
+    film.close()
+    (file,) = tmp_path.glob("*.mp4")
+    assert file.stat().st_size > 1000
+    assert sb3_vec_env("lanekeep/LaneKeep-v0", 2).get_images() == [None, None]
+
+
+def test_attributes_and_methods_are_the_cars():
+    """As `DummyVecEnv` means them, whose cars are made one by one."""
+    env = sb3_vec_env("lanekeep/LaneKeep-v0", 6, render_mode="rgb_array")  # six channels, too
+    one_by_one = DummyVecEnv([lambda: gym.make("lanekeep/LaneKeep-v0", render_mode="rgb_array")] * 6)
+    env.reset(), one_by_one.reset()
+    for name in ("clipped_actions", "scenario", "channels"):
+        for indices in (None, 1, [0, 2]):
+            assert env.get_attr(name, indices) == one_by_one.get_attr(name, indices)
+    pictures = env.env_method("render", indices=[2])
+    assert len(pictures) == 1 and pictures[0].ndim == 3
+    for indices in (None, [1]):
+        assert len(env.env_method("road_set", indices=indices)) == (6 if indices is None else 1)
+    env.set_attr("mine", 3)
+    assert env.get_attr("mine", [0]) == [3]
+    for name, indices in (("friction", None), ("mine", [1])):
+        with pytest.raises(AttributeError, match=r"cannot be set"):
+            env.set_attr(name, 0.3, indices)
+
+
+def test_options_bound_what_the_cars_of_later_episodes_are():
+    task = {"road": "straight", "speed": 20.0, "randomisation": {"speed": (0.5, 1.0)}, "episode_steps": 3}
+    env = sb3_vec_env("lanekeep/LaneKeep-v0", 4, **task)
+    env.set_options({"speed": (0.5, 0.6), "lateral_error": 0.1})
+    env.reset()
+    for _ in range(8):
+        env.step(np.zeros((4, 1), np.float32))
+        assert (env.truth["speed"] <= 12.0).all()
+    with pytest.raises(ValueError, match="reset options"):
+        env.set_options([{"speed": 0.5}] * 3)

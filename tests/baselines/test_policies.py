@@ -115,6 +115,7 @@ def test_episode_start_resets_just_those_rows(name: str) -> None:
     observations = rows(name, 2, 6, steps=5)
     if SCENARIOS[name] is CAMERA:
         observations[2:, :, column(name, "edge_valid")] = 1.0  # an edge that comes back would start anew as well
+    observations[:, [1, 4], column(name, "speed")] = 1.0  # where every memory counts
     starts = np.zeros((5, 6), dtype=bool)
     starts[3, [1, 4]] = True
     plain, _ = run(policy, observations)
@@ -217,3 +218,23 @@ def test_weighted_sum(seed: int, m: int, k: int) -> None:
     np.testing.assert_allclose(
         weighted_sum(weights[..., 0], values), (weights[..., 0] * values).sum(axis=1), atol=1e-12
     )
+
+
+@pytest.mark.parametrize("name", ["stanley", "pure-pursuit", "pure-pursuit-understeer"])
+def test_a_car_that_stands_keeps_its_wheels_and_one_that_rolls_turns_them_as_it_goes(name):
+    """Of a constant wish the wheels lack exp(-way / 0.1 m), as the control step tends to nothing."""
+    scenario = LaneKeepScenario(control_step=0.001)
+    policy, at = lanekeep_baselines.make(name, scenario), [channel.name for channel in scenario.channels]
+    observation = np.zeros((3, len(at)), dtype=np.float32)
+    observation[:, at.index("lateral_error")] = 0.2
+    observation[:, at.index("speed")] = 0.0, 0.5, 5.0
+    observation[:, at.index("steering_command")] = 0.01
+    wanted = policy.wanted({name: column for name, column in zip(at, observation.T.astype(float), strict=True)})
+    state, actions = None, []
+    for _ in range(400):
+        action, state = policy.predict(observation, state)
+        actions.append(action[:, 0] * scenario.max_steering_angle)
+    missing = (np.array(actions) - wanted) / (0.01 - wanted)
+    np.testing.assert_allclose(missing[:, 0], 1.0, atol=1e-5)
+    way = np.arange(1, 401)[:, None] * 0.001 * np.array([0.5, 5.0])
+    np.testing.assert_allclose(missing[:, 1:], np.exp(-way / 0.1), atol=0.02)

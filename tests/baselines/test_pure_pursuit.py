@@ -19,7 +19,7 @@ def ask(policy, **channels) -> np.ndarray:
     """Return the road-wheel angles for channels given as numbers or arrays."""
     n = max(np.size(value) for value in channels.values())
     at = {name: np.broadcast_to(np.asarray(value, dtype=float), (n,)).copy() for name, value in channels.items()}
-    return policy.command(at, np.zeros((n, 0)), True)[0]
+    return policy.wanted(at)
 
 
 def arc(curvature: np.ndarray, length: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -25,7 +25,7 @@ class Bare(Stanley):
 def steer(policy: Stanley, **channels: float) -> float:
     """Return the policy's continuous answer to one observation."""
     at = {name: np.array([value]) for name, value in {"yaw_rate": 0.0, **channels}.items()}
-    return float(policy.command(at, np.zeros((1, 0)), True)[0][0])
+    return float(policy.wanted(at)[0])
 
 
 def front_wheels(policy: Stanley, speed: float, start: tuple[float, float], times: np.ndarray) -> np.ndarray:

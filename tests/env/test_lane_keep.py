@@ -146,7 +146,7 @@ def test_values_outside_the_box_are_clipped_and_counted():
         ({"tyre": "magic"}, ["tyre", "magic_formula"]),
         ({"dynamics": "dynamc"}, ["dynamics", "dynamic"]),
         ({"friction": 0.0}, ["friction", ">= "]),
-        ({"control_step": 0.033}, ["control_step", "0.033", "0.03"]),
+        ({"control_step": 0.0001}, ["control_step", "0.0001", ">= 0.001"]),
         ({"departure": "stop"}, ["departure", "terminate"]),
         ({"preview": -1}, ["preview", ">= 0"]),
         ({"preview": 2.5}, ["preview", "whole"]),

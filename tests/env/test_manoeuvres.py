@@ -9,6 +9,7 @@ from numpy.polynomial import Polynomial
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
+import lanekeep_baselines
 import lanekeep_env  # noqa: F401
 from lanekeep_env import VEHICLES
 from lanekeep_env.roads import EvasiveRoads, ParkingPaths
@@ -211,3 +212,30 @@ def test_the_named_sensors_work_at_the_control_step_of_manoeuvres(task, sensors,
     env.reset(seed=0)
     flags = [env.step(np.zeros(env.action_space.shape, dtype=np.float32))[0][column] for _ in range(10)]
     assert sum(flags) <= 10 / every and (sensors == "poor" or sum(flags) == 5)
+
+
+def test_a_cusp_is_driven_backwards_and_forwards():
+    """Set speeds of both signs: the law in arc length (W08 (23)) holds the path either way."""
+    keywords = {"speed": {"minimum": -1.0, "maximum": 1.0, "hold": 4.0, "lateral_acceleration": None}}
+    env = gym.make_vec("lanekeep/ReversePath-v0", 16, "vector_entry_point", **keywords)
+    policy = lanekeep_baselines.make("werling-reverse", env.unwrapped.scenario)
+    observation, info = env.reset(seed=0)
+    state, before, speeds, steps = None, info["arc_length"], [], []
+    for _ in range(1200):
+        action, state = policy.predict(observation, state)
+        observation, _, terminated, truncated, info = env.step(action)
+        assert not terminated.any() and not truncated.any()
+        speeds.append(info["speed"].copy())
+        steps.append(info["arc_length"] - before)
+        before = info["arc_length"].copy()
+        assert (np.abs(info["lateral_error"]) < 0.3).all()
+    speeds, steps = np.array(speeds), np.array(steps)
+    assert ((speeds < -0.3).any(axis=0) & (speeds > 0.3).any(axis=0)).mean() > 0.8
+    quick = np.abs(speeds) > 0.1
+    assert (np.sign(steps[quick]) == np.sign(speeds[quick])).all()
+
+
+@pytest.mark.parametrize("name", ["lanekeep/CameraLane-v0", "lanekeep/LaneKeep-v0"])
+def test_other_cars_are_not_driven_backwards(name):
+    with pytest.raises(ValueError, match=r"speed\.minimum"):
+        gym.make(name, speed={"minimum": -1.0, "maximum": 1.0})

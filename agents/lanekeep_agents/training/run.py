@@ -20,7 +20,7 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecNormalize
 
 import lanekeep_baselines
-from lanekeep_agents.export import export_sb3, scenario_fields, versions
+from lanekeep_agents.export import ACTIVATIONS, export_sb3, scenario_fields, versions
 from lanekeep_agents.learned import LearnedPolicy
 from lanekeep_agents.policy_file import read_policy, write_policy
 from lanekeep_agents.policy_record import PolicyRecord, Training
@@ -44,7 +44,7 @@ Report = Callable[[int, str], None]
 
 _ALGORITHMS: dict[str, type[PPO] | type[SAC] | type[TD3]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
 _ABSENT = object()
-_ACTIVATIONS = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
+_ACTIVATIONS = {name: layer for layer, name in ACTIVATIONS.items()}
 
 
 def run(
@@ -56,6 +56,7 @@ def run(
     threads: int = 1,
     checkpoint_seconds: float = 30.0,
     report: Report | None = None,
+    callback: Any = None,
 ) -> LearnedPolicy:
     """Train a policy; return the best one that held-out evaluations found, which is in the folder's policy file.
 
@@ -67,6 +68,7 @@ def run(
         threads: of torch; the same number gives the same policy to the last bit.
         checkpoint_seconds: time between checkpoints.
         report: called with the steps done and a line to show.
+        callback: of Stable-Baselines3, one or a list, called after the run's own.
 
     Raises:
         ValueError: the folder holds a run and neither ``resume`` nor ``overwrite`` is set, or holds another run
@@ -105,7 +107,10 @@ def run(
             imitate(model, env, teacher, settings.gamma, settings.seed_of("imitation"))
         if model.num_timesteps < settings.steps:
             # Counts start at zero anyway; cars that a checkpoint has set must not be reset.
-            model.learn(settings.steps - model.num_timesteps, course, reset_num_timesteps=False, log_interval=10)
+            several = callback if isinstance(callback, list) else [] if callback is None else [callback]
+            model.learn(
+                settings.steps - model.num_timesteps, [course, *several], reset_num_timesteps=False, log_interval=10
+            )
         return course.finish(model)
 
 

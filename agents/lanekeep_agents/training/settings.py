@@ -13,6 +13,7 @@ from typing import Any
 import yaml
 
 import lanekeep_env
+from lanekeep_agents.activations import ACTIVATIONS
 from lanekeep_agents.training.parameters import check_parameters
 from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require, shown
 from lanekeep_env.plain import parse_json
@@ -42,7 +43,7 @@ class TrainingSettings:
         num_envs: cars.
         hidden: neurons of each hidden layer of the actor.
         critic: the same of the critic, which nobody has to run later.
-        activation: "relu" or "tanh".
+        activation: of the hidden layers, one of `ACTIVATIONS`.
         gamma: discount of a control step.
         learning_rate: at the start; it falls linearly to ``final_learning_rate`` times that.
         parameters: further arguments of Stable-Baselines3's algorithm (`parameters.py` has them).
@@ -105,7 +106,7 @@ class TrainingSettings:
                 f"env={shown(self.env)} is not allowed: a record must hold it as JSON ({shown(str(error))})"
             ) from None
         object.__setattr__(self, "parameters", check_parameters(self.algorithm, self.parameters))
-        choose("activation", self.activation, ("relu", "tanh"))
+        choose("activation", self.activation, ACTIVATIONS)
         require("gamma", self.gamma, "", above=0.0, at_most=0.9999)
         require("learning_rate", self.learning_rate, "", above=0.0)
         require("final_learning_rate", self.final_learning_rate, "(a share)", at_least=0.0, at_most=1.0)

@@ -72,7 +72,7 @@ class WallCars(Cars):
     family = BETWEEN_WALLS
     start_options = ("lateral_error", "heading_error", "start_index", "world_index")
     empty_row = at.SPEED_SQUARED
-    moving: tuple[str, ...] = ("cars", "counters", "held")
+    moving: tuple[str, ...] = (*Cars.moving, "held")
 
     def __init__(self, scenario: WallFollowScenario, num_cars: int, dtype: str, *arguments: Any) -> None:
         front, rear = scenario.axles

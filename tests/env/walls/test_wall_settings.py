@@ -94,7 +94,7 @@ def test_a_wrong_setting_is_named_with_value_unit_and_what_is_allowed(keywords, 
 def test_the_circuits_own_settings_are_checked(keywords, words):
     line = refused(CIRCUIT, **keywords)
     assert all(word in line for word in words), line
-    with pytest.raises(TypeError, match="unknown keyword"):
+    with pytest.raises(TypeError, match="unexpected keyword"):
         gym.make(WALL, **keywords)
 
 

@@ -1,0 +1,94 @@
+"""What ``reset(options=...)`` says: how an episode starts, and between which bounds episodes draw their car."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from typing import Any
+
+import numpy as np
+
+from lanekeep_env import layout as at
+from lanekeep_env.checks import shown
+from lanekeep_env.randomisation import Randomisation, randomisation_from
+
+#: Numbers that differ from episode to episode, each an option by its own name beside ``randomisation``.
+DRAWN = tuple(f.name for f in fields(Randomisation))
+
+
+def split(options: Any, starts: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the options that fix an episode's start, by the names of ``starts``, and those that bound the draws.
+
+    An index goes by its short name as well: ``road`` is ``road_index``.
+
+    Raises:
+        ValueError: they are no mapping, or one is unknown.
+    """
+    allowed = (*starts, "randomisation", *DRAWN)
+    if not isinstance(options, dict):
+        raise ValueError(f"reset options={shown(options)} must be a mapping; allowed: {', '.join(allowed)}")
+    fixed: dict[str, Any] = {}
+    drawn: dict[str, Any] = {}
+    for key, value in options.items():
+        name = f"{key}_index" if f"{key}_index" in starts else key
+        if name not in allowed:
+            raise ValueError(f"reset option {shown(key)} is unknown; allowed: {', '.join(allowed)}")
+        (fixed if name in starts else drawn)[name] = value
+    return fixed, drawn
+
+
+def start_rows(fixed: Mapping[str, Any], starts: tuple[str, ...], cars: int) -> np.ndarray:
+    """Return the kernel's start rows, (`layout.START_ROWS`, cars), NaN where an episode draws.
+
+    Raises:
+        ValueError: a value is no number, nor one a car, or a place far off the road.
+    """
+    start = np.full((at.START_ROWS, cars), np.nan)
+    for key, value in fixed.items():
+        row = starts.index(key)
+        try:
+            start[row] = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError(
+                f"reset option {key}={shown(value)} must be a number or one number a car ({cars})"
+            ) from None
+        if not np.isfinite(start[row]).all():
+            raise ValueError(f"reset option {key}={shown(value)} must be finite; leave it out to have it drawn")
+    if np.any(np.abs(start[:2]) > [[20.0], [np.pi]]):
+        raise ValueError("reset options lateral_error and heading_error must be within 20 m and pi rad")
+    return start
+
+
+def bounds(drawn: Mapping[str, Any], scenario: Any) -> list[float]:
+    """Return low and high of each randomised number for this episode and those after it.
+
+    Args:
+        drawn: ``randomisation``, a mapping of bounds or numbers, a named set, or None for the scenario's own; and
+            entries of it by their own names. What they leave out is drawn as the scenario says.
+        scenario: whose bounds hold everything: it was judged with them.
+
+    Raises:
+        ValueError: a bound is outside the scenario's, or has no effect in it.
+    """
+    declared: Randomisation = scenario.randomisation
+    whole = drawn.get("randomisation")
+    given = {name: drawn[name] for name in DRAWN if name in drawn}
+    if whole is None or isinstance(whole, Mapping):
+        given = {**(whole or {}), **given}
+        wanted = randomisation_from({**asdict(declared), **given})
+    else:
+        wanted = randomisation_from({**asdict(randomisation_from(whole)), **given})
+    idle = scenario.without_effect
+    for name in DRAWN:
+        (low, high), (least, most) = getattr(wanted, name), getattr(declared, name)
+        need = idle.get(f"randomisation.{name}")
+        if need is not None:
+            if name in given and (low, high) != (least, most):
+                raise ValueError(f"reset option {name}={shown(given[name])} has no effect in this scenario: {need.why}")
+        elif not least <= low <= high <= most:
+            raise ValueError(
+                f"reset option {name}={shown(given.get(name, (low, high)))} is not allowed: it must be within "
+                f"{least:g} to {most:g}; a wider range is declared when the environment is made, "
+                f"randomisation={{'{name}': (low, high)}}"
+            )
+    return wanted.bounds()
