@@ -72,7 +72,7 @@ def test_an_entry_overrides_the_default_and_mappings_are_merged(tmp_path, monkey
         ("ppo LaneKeep-v0 --set hidden=32", ["hidden=32 ", "a list"]),
         ("ppo LaneKeep-v0 --set hidden=[true]", ["hidden=True", ">= 2"]),
         ("ppo LaneKeep-v0 --set critic=[1]", ["critic=1 ", ">= 2"]),
-        ("ppo LaneKeep-v0 --set activation=elu", ["activation='elu'", "relu, tanh"]),
+        ("ppo LaneKeep-v0 --set activation=gelu", ["activation='gelu'", "relu, tanh"]),
         ("ppo LaneKeep-v0 --set env=5", ["env=5 ", "a mapping"]),
         ("ppo LaneKeep-v0 --set env.num_envs=3", ["env.num_envs", "training sets it itself"]),
         ("ppo LaneKeep-v0 --set env.previw=3", ["env: got an unexpected keyword argument 'previw'", "'preview'"]),
