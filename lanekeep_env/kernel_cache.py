@@ -12,6 +12,7 @@ import hashlib
 import os
 import pickle
 import re
+import sys
 import time
 import uuid
 from pathlib import Path
@@ -32,6 +33,8 @@ _USE = 86400.0
 #: Largest file that is read, bytes; kernels have less than one megabyte.
 _LARGEST = 1 << 26
 
+#: Whether it was told that something is compiled.
+_told = False
 _MAGIC = b"lanekeep kernel 1\n"
 _FOLDER = re.compile(r"[0-9a-f]{16}")
 #: Files that this cache, or numba's in its place before, wrote, temporary ones included.
@@ -60,6 +63,12 @@ class KernelCache:
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """Return the compiled code for ``signature``, or None where none is kept that can be used."""
+        found = self._kept(signature, target_context)
+        if found is None and not self._compiled.targetoptions.get("no_cpython_wrapper"):
+            _tell()  # of a kernel that is waited for; what it calls is part of that
+        return found
+
+    def _kept(self, signature: Any, target_context: Any) -> Any:
         # Whatever is wrong with a disk or a file: compiling is the answer to all of it.
         try:
             target_context.refresh()
@@ -106,6 +115,19 @@ class KernelCache:
         key = hashlib.sha256("\0".join((hashed, str(signature), *map(str, codegen.magic_tuple()))).encode())
         name = re.sub(r"\W", "", self._compiled.py_func.__name__)
         return key.digest(), self._folder(hashed) / f"{name}-{key.hexdigest()[:16]}.nbc"
+
+
+def _tell() -> None:
+    """Tell whoever watches, once a process, why the first step takes so long."""
+    global _told
+    if not _told and sys.stderr is not None and sys.stderr.isatty():
+        print(
+            f"lanekeep: compiling, once for each kind of car (some 10 to 30 s; kept in {cache_root()}; "
+            "`lanekeep warmup` does it ahead of time)",
+            file=sys.stderr,
+            flush=True,
+        )
+    _told = True
 
 
 def _payload(path: Path, key: bytes) -> bytes | None:

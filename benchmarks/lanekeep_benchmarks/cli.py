@@ -31,6 +31,7 @@ from lanekeep_benchmarks.play_command import POLICY, play_command
 from lanekeep_benchmarks.replications import WORKS
 from lanekeep_benchmarks.suites import ENDING, SUITES
 from lanekeep_benchmarks.train_command import train
+from lanekeep_benchmarks.warmup_command import warmup
 from lanekeep_benchmarks.zoo import zoo
 
 app = typer.Typer(
@@ -60,6 +61,7 @@ app.command()(envs)
 app.command(name="play")(play_command)
 app.command()(train)
 app.command()(zoo)
+app.command()(warmup)
 app.add_typer(new, name="new")
 for name, group in (("road", check.road), ("map", check.map_), ("vehicle", check.vehicle)):
     app.add_typer(group, name=name)
