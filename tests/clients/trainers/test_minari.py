@@ -6,7 +6,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-minari = pytest.importorskip("minari")
+pytest.importorskip("minari")
+import minari
 from minari import DataCollector
 
 
