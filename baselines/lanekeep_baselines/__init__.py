@@ -58,6 +58,7 @@ _POLICIES = {
     "knightriders-obstacles-published": "knightriders_obstacles_published:KnightRidersObstaclesPublished",
     "knightriders-park": "knightriders_park:KnightRidersPark",
     "knightriders-park-published": "knightriders_park_published:KnightRidersParkPublished",
+    "knightriders-shunt": "knightriders_shunt:KnightRidersShunt",
     "knightriders-modes": "knightriders_modes:KnightRidersModes",
 }
 
@@ -116,7 +117,7 @@ def _class_of(name: str) -> type[SteeringPolicy]:
     return found
 
 
-def make(name: str, scenario: Scenario) -> Policy:
+def make(name: str, scenario: Scenario, **options: bool) -> Policy:
     """Design the controller ``name`` for the vehicle, the channels and the control step of ``scenario``.
 
     Raises:
@@ -136,4 +137,4 @@ def make(name: str, scenario: Scenario) -> Policy:
             raise ValueError(lacking)
         made: Policy = _REGISTERED[name][1](scenario)
         return made
-    return _class_of(name)(scenario)
+    return _class_of(name)(scenario, **options)
