@@ -75,6 +75,8 @@ class ParkingDrive(CourseDrive, Protocol):
     def sensors(self) -> Sensors: ...
     @property
     def servo(self) -> Servo: ...
+    @property
+    def encoder_ticks(self) -> int: ...
 
 
 class KnightRidersPark(DrivingPolicy):
@@ -98,6 +100,8 @@ class KnightRidersPark(DrivingPolicy):
     NEAREST, FARTHEST = 0.04, 0.10
     #: Spare length that a gap must have, m, and the most that is left behind the car.
     SPARE, BEHIND = 0.02, 0.25
+    #: For which the car stands first, to know the bias of a gyroscope that has faults, s.
+    REST: ClassVar[float] = 1.5
     #: Nearest to the box behind, m.
     AIR: ClassVar[float] = 0.02
     #: Share of the steering angle that is kept for the offset and for corrections.
@@ -126,8 +130,10 @@ class KnightRidersPark(DrivingPolicy):
         self._servo = ServoMap.of(servo, min(scenario.max_steering_angle, car.steering.angle_limit or np.inf))
         self._length, self._half_width = car.length, 0.5 * car.width
         self._overhang = 0.5 * (car.length - car.wheelbase)
-        noise = dict(scenario.sensors).get("distance_right", Sensor()).noise
-        self._row = RowReader(self._car, self._servo, noise, self.SLOW, estimate_offset)
+        sensors = dict(scenario.sensors)
+        noise = sensors.get("distance_right", Sensor()).noise
+        self._rest = self.REST if "yaw_rate" in sensors else 0.0
+        self._row = RowReader(self._car, self._servo, noise, self.SLOW, scenario.encoder_ticks > 0, estimate_offset)
         self._moves = Moves()
         self.memory = self._row.memory + len(Search._fields)
 
@@ -138,7 +144,7 @@ class KnightRidersPark(DrivingPolicy):
         last = Search(*memory[:, split:].T)
         new = np.reshape(fresh, -1) | (~parks & (last.phase <= AHEAD))
         right = np.where(at["distance_right"] > 0.0, at["distance_right"], FARTHEST)
-        now = Search(*(np.where(new, a, b) for a, b in zip(Search.at_rest(right), last, strict=True)))
+        now = Search(*(np.where(new, a, b) for a, b in zip(Search.at_rest(right, self._rest), last, strict=True)))
         known, rest, now, length = self._row.read(at, memory[:, :split], new, now)
         now = self._choose(length, known, now)
         front = np.where(at["distance_front"] > 0.0, at["distance_front"], FARTHEST)
@@ -206,7 +212,8 @@ class KnightRidersPark(DrivingPolicy):
         back = -np.clip(2.0 * heading, 0.08, self.BACK) if self._vary else blank - self.BACK
         back = np.where(now.moves > 0.5, -np.clip(2.0 * behind, 0.05, self.BACK), back)
         forth, shunts = np.clip(2.0 * ahead, 0.05, self.SHUNT), -np.clip(2.0 * behind, 0.05, self.SHUNT)
-        steady, fast = blank + self.SLOW, blank + self.BACK
+        steady, fast = np.where(now.rest > 0.0, 0.0, self.SLOW), blank + self.BACK
+        now = now._replace(rest=now.rest - self._car.step)
         speed = np.choose(
             phase, [steady, on, -fast, -fast, back, blank, forth, shunts, forth, shunts, fast, fast]
         )

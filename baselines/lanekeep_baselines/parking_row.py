@@ -34,7 +34,7 @@ _SLANT, _RIM = float(1.0 / np.cos(HALF_CONE)), float(np.sin(HALF_CONE))
 #: Along a row the distance tells little: it jumps, and corners bend it. What is known of heading and offset is kept.
 NOISE = WallNoise(
     side_distance=0.012,
-    start=(0.02, 0.06, 0.02, 0.05),
+    start=(0.02, 0.06, 0.012, 0.05),
     distance=0.002,
     heading=0.004,
     steering_offset=0.001,
@@ -61,6 +61,7 @@ class Search(NamedTuple):
         start: where the rear axle begins its way back.
         line: distance of the rear axle from the kerb at which the last arc of that way would end along it, m.
         moves: 1 where the gap is entered in several moves, else 0.
+        rest: for which the car still stands before it begins, s: a gyroscope at rest shows its bias.
     """
 
     speed: Floats
@@ -78,13 +79,14 @@ class Search(NamedTuple):
     start: Floats
     line: Floats
     moves: Floats
+    rest: Floats
 
     @classmethod
-    def at_rest(cls, right: Floats) -> Search:
-        """Return what is known before the row; the wall on the right is ``right`` m away."""
+    def at_rest(cls, right: Floats, rest: float) -> Search:
+        """Return what is known before the row; the wall on the right is ``right`` m away, the car stands for ``rest`` s."""
         blank = np.zeros_like(right)
         none = blank + NONE
-        return cls(blank, blank, blank, right, blank, right, none, none, none, right, none, *(blank,) * 4)
+        return cls(blank, blank, blank, right, blank, right, none, none, none, right, none, *(blank,) * 4, blank + rest)
 
 
 class RowReader:
@@ -95,6 +97,7 @@ class RowReader:
         servo: what it makes of commands.
         noise: of a reading, m, standard deviation.
         slow: speed along the row, m/s.
+        ticks: whether the encoder counts: then it tells the mean speed of the step that ended, else the present one.
         offset: whether the steering offset is estimated; else it counts as none.
     """
 
@@ -104,13 +107,15 @@ class RowReader:
     FALL: ClassVar[float] = 0.04
     #: Beside noise, m, what a reading may be off the expected one and still be of the same wall.
     SAME: ClassVar[float] = 0.006
+    #: In a gap, nearer than that, the kerb is heard, m, and by that share its distance follows.
+    DEEP, FOLLOWS = 0.35, 0.2
     #: Way after which a reading is known to be of a box 0.5 m away, or not, m.
     LATER: ClassVar[float] = 0.25
     #: Readings that together tell whether they are.
     MEAN: ClassVar[int] = 6
 
-    def __init__(self, car: WallCar, servo: ServoMap, noise: float, slow: float, offset: bool) -> None:
-        self._car, self._servo, self._noise, self._slow = car, servo, noise, slow
+    def __init__(self, car: WallCar, servo: ServoMap, noise: float, slow: float, ticks: bool, offset: bool) -> None:
+        self._car, self._servo, self._noise, self._slow, self._ticks = car, servo, noise, slow, ticks
         # The filter hears, ``behind`` the rear axle, what the sensor said there: only then is it known whether that was
         # a box, or its end at the cone's rim.
         self._lag = math.ceil(self.LATER / (slow * car.step))
@@ -130,15 +135,25 @@ class RowReader:
         split = self._filter.memory
         right = np.where(at["distance_right"] > 0.0, at["distance_right"], FARTHEST)
         before, heard = memory[:, :split], np.where(new[:, None], right[:, None], memory[:, split:])
-        way = 0.5 * (now.speed + at["speed"]) * self._car.step
+        mean = at["speed"] if self._ticks else 0.5 * (now.speed + at["speed"])
+        way = mean * self._car.step
         known, listens = self._locate(at, heard, before, new, now, way)
         middle = np.where(new, known[:, 1], 0.5 * (before[:, 1] + known[:, 1]))
         kerb = np.where(listens, known[:, 0] + self._behind * np.sin(known[:, 1]), now.kerb + way * np.sin(middle))
         now = now._replace(speed=at["speed"], place=now.place + way * np.cos(middle), kerb=kerb)
+        now = now._replace(kerb=self._hear_kerb(right, known[:, 1], now))
         now, length = self._measure(right, known, now)
         moves = (at["speed"] > 0.5 * self._slow)[:, None]
         heard = np.where(moves, np.concatenate([heard[:, 1:], right[:, None]], axis=1), heard)
         return known, np.concatenate([known, heard], axis=1), now, length
+
+    def _hear_kerb(self, right: Floats, heading: Floats, now: Search) -> Floats:
+        """Return the distance of the rear axle from the kerb, m: in a gap nothing is nearer to the right."""
+        beyond = np.maximum(np.abs(heading) - HALF_CONE, 0.0)
+        seen = (now.kerb + self._car.sensor * np.sin(heading)) / np.cos(beyond)
+        off = right - seen
+        hears = (now.phase >= LEFT) & (now.phase <= IN) & (seen < self.DEEP) & (np.abs(off) < self.JUMP)
+        return now.kerb + np.where(hears, self.FOLLOWS * off, 0.0)
 
     def _locate(
         self, at: Mapping[str, Floats], heard: Floats, memory: Floats, new: NDArray[np.bool_], now: Search, way: Floats
