@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.declared import Need
+from lanekeep_baselines.parking_gap import hear
 from lanekeep_baselines.parking_moves import Moves
 from lanekeep_baselines.parking_row import (
     AHEAD,
@@ -146,8 +147,9 @@ class KnightRidersPark(DrivingPolicy):
         right = np.where(at["distance_right"] > 0.0, at["distance_right"], FARTHEST)
         now = Search(*(np.where(new, a, b) for a, b in zip(Search.at_rest(right, self._rest), last, strict=True)))
         known, rest, now, length = self._row.read(at, memory[:, :split], new, now)
-        now = self._choose(length, known, now)
         front = np.where(at["distance_front"] > 0.0, at["distance_front"], FARTHEST)
+        now = hear(right, front, known[:, 1], now, self._car.sensor, self._length - self._overhang)
+        now = self._choose(length, known, now)
         steering, speed, now = self._drive(known, front, ~parks & ~new, now)
         return np.stack([steering, speed], axis=1), np.concatenate([rest, np.stack(now, axis=1)], axis=1)
 

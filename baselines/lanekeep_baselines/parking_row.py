@@ -57,6 +57,7 @@ class Search(NamedTuple):
         gap: where the gap begins that ended last, or that is chosen, `NONE` before the first.
         peak: largest reading since then, m.
         edge: where the next box begins, `NONE` while none is seen.
+        rims: readings since the last end was seen first.
         depth: how far the box that ended the last gap reaches from the kerb, m.
         start: where the rear axle begins its way back.
         line: distance of the rear axle from the kerb at which the last arc of that way would end along it, m.
@@ -75,6 +76,7 @@ class Search(NamedTuple):
     gap: Floats
     peak: Floats
     edge: Floats
+    rims: Floats
     depth: Floats
     start: Floats
     line: Floats
@@ -86,7 +88,7 @@ class Search(NamedTuple):
         """Return what is known before the row; the wall on the right is ``right`` m away, the car stands for ``rest`` s."""
         blank = np.zeros_like(right)
         none = blank + NONE
-        return cls(blank, blank, blank, right, blank, right, none, none, none, right, none, *(blank,) * 4, blank + rest)
+        return cls(blank, blank, blank, right, blank, right, none, none, none, right, none, *(blank,) * 5, blank + rest)
 
 
 class RowReader:
@@ -107,8 +109,10 @@ class RowReader:
     FALL: ClassVar[float] = 0.04
     #: Beside noise, m, what a reading may be off the expected one and still be of the same wall.
     SAME: ClassVar[float] = 0.006
-    #: In a gap, nearer than that, the kerb is heard, m, and by that share its distance follows.
-    DEEP, FOLLOWS = 0.35, 0.2
+    #: Beyond a box's distance, m, a reading at the cone's rim is not of its corner: boxes are not equally deep.
+    CORNER: ClassVar[float] = 0.08
+    #: Readings after the first one that may tell of the same end.
+    RIMS: ClassVar[int] = 6
     #: Way after which a reading is known to be of a box 0.5 m away, or not, m.
     LATER: ClassVar[float] = 0.25
     #: Readings that together tell whether they are.
@@ -141,19 +145,10 @@ class RowReader:
         middle = np.where(new, known[:, 1], 0.5 * (before[:, 1] + known[:, 1]))
         kerb = np.where(listens, known[:, 0] + self._behind * np.sin(known[:, 1]), now.kerb + way * np.sin(middle))
         now = now._replace(speed=at["speed"], place=now.place + way * np.cos(middle), kerb=kerb)
-        now = now._replace(kerb=self._hear_kerb(right, known[:, 1], now))
         now, length = self._measure(right, known, now)
         moves = (at["speed"] > 0.5 * self._slow)[:, None]
         heard = np.where(moves, np.concatenate([heard[:, 1:], right[:, None]], axis=1), heard)
         return known, np.concatenate([known, heard], axis=1), now, length
-
-    def _hear_kerb(self, right: Floats, heading: Floats, now: Search) -> Floats:
-        """Return the distance of the rear axle from the kerb, m: in a gap nothing is nearer to the right."""
-        beyond = np.maximum(np.abs(heading) - HALF_CONE, 0.0)
-        seen = (now.kerb + self._car.sensor * np.sin(heading)) / np.cos(beyond)
-        off = right - seen
-        hears = (now.phase >= LEFT) & (now.phase <= IN) & (seen < self.DEEP) & (np.abs(off) < self.JUMP)
-        return now.kerb + np.where(hears, self.FOLLOWS * off, 0.0)
 
     def _locate(
         self, at: Mapping[str, Floats], heard: Floats, memory: Floats, new: NDArray[np.bool_], now: Search, way: Floats
@@ -195,14 +190,21 @@ class RowReader:
         # An end passed: the reading goes beyond that of a corner at the cone's rim.
         ends = on & beside & (right > _SLANT * now.box + self.JUMP)
         end = np.where(ends, sensor - _RIM * right, now.end)
-        gap = np.where(ends & looks, end, now.gap)
         peak = np.where(ends, right, np.maximum(now.peak, right))
         # An end ahead: it falls again.
         opens = looks & ~beside
         sees = opens & (now.edge == NONE) & (right < kerb - 2.0 * self.JUMP) & (right < peak - self.FALL)
         edge = np.where(sees, sensor + _RIM * right, now.edge)
+        # The first reading of an end is one that noise has chosen: those that follow count, while they are of the rim.
+        rims = np.where(ends | sees, 0.0, now.rims + 1.0)
+        follows = (right > _SLANT * (now.box + self.CORNER)) & (right < kerb - self.JUMP) & (rims > 0.0) & (rims <= self.RIMS)
+        after = on & ~beside & (now.edge == NONE) & follows
+        end = np.where(after, end + (sensor - _RIM * right - end) / np.maximum(rims, 1.0), end)
+        before = opens & (now.edge != NONE) & follows
+        edge = np.where(before, edge + (sensor + _RIM * right - edge) / np.maximum(rims, 1.0), edge)
         edge = np.where(ends | (opens & (right > kerb - self.JUMP)), NONE, edge)
         reaches = opens & (edge != NONE) & (sensor >= edge)
+        gap = np.where(looks & (ends | after), end, now.gap)
         box = np.where(reaches, right, now.box + np.where(beside & ~ends, 0.2 * (right - now.box), 0.0))
         length = np.where(reaches & (gap != NONE), edge - gap, 0.0)
         now = now._replace(
@@ -213,6 +215,7 @@ class RowReader:
             gap=gap,
             peak=np.where(reaches, 0.0, peak),
             edge=np.where(reaches, NONE, edge),
+            rims=rims,
             depth=np.where(reaches, kerb - box, now.depth),
         )
         return now, length
