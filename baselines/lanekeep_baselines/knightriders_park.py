@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.declared import Need
+from lanekeep_baselines.odometry import Odometer, OdometryScenario
 from lanekeep_baselines.parking_gap import hear
 from lanekeep_baselines.parking_moves import Moves
 from lanekeep_baselines.parking_row import (
@@ -46,7 +47,7 @@ from lanekeep_baselines.policy import DrivingPolicy, DrivingScenario, Floats
 from lanekeep_baselines.servo_map import ServoMap
 from lanekeep_baselines.wall_design import WallCar
 from lanekeep_env.scenario import Servo
-from lanekeep_env.sensing.faults import Sensor, Sensors
+from lanekeep_env.sensing.faults import Sensor
 from lanekeep_env.sensing.ultrasonic import FARTHEST
 
 #: Value of the channel `mode` that asks to park.
@@ -69,15 +70,11 @@ class CourseDrive(DrivingScenario, Protocol):
     def parks(self) -> bool: ...
 
 
-class ParkingDrive(CourseDrive, Protocol):
+class ParkingDrive(CourseDrive, OdometryScenario, Protocol):
     """What the controller may know; `lanekeep_env.ParallelParkScenario` is one."""
 
     @property
-    def sensors(self) -> Sensors: ...
-    @property
     def servo(self) -> Servo: ...
-    @property
-    def encoder_ticks(self) -> int: ...
 
 
 class KnightRidersPark(DrivingPolicy):
@@ -92,7 +89,7 @@ class KnightRidersPark(DrivingPolicy):
     """
 
     name = "knightriders-park"
-    reads = ("distance_right", "distance_front", "yaw_rate", "speed", "steering_command", "mode")
+    reads = ("distance_right", "distance_front", "yaw_rate", "steering_command", *Odometer.reads, "mode")
     needs = (PARKS,)
 
     #: Speeds along the row, back, and between boxes, m/s.
@@ -134,7 +131,7 @@ class KnightRidersPark(DrivingPolicy):
         sensors = dict(scenario.sensors)
         noise = sensors.get("distance_right", Sensor()).noise
         self._rest = self.REST if "yaw_rate" in sensors else 0.0
-        self._row = RowReader(self._car, self._servo, noise, self.SLOW, scenario.encoder_ticks > 0, estimate_offset)
+        self._row = RowReader(self._car, self._servo, noise, self.SLOW, Odometer(scenario), estimate_offset)
         self._moves = Moves()
         self.memory = self._row.memory + len(Search._fields)
 

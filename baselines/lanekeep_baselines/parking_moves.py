@@ -34,8 +34,9 @@ from lanekeep_baselines.policy import Floats
 class Moves:
     """What phase follows; rows are independent of each other."""
 
-    #: Nearest to a box and to the kerb, m.
-    AIR, KERB = 0.015, 0.01
+    #: Nearest to a box and to the kerb, m, along the row; and more to a box by so much where the car is across, since
+    #: only along the row it hears where it is.
+    AIR, KERB, ACROSS = 0.012, 0.01, 0.01
     #: Heading at which the car is along the kerb, rad.
     DONE: ClassVar[float] = float(np.deg2rad(1.0))
     #: Beside the row at the end of leaving, m.
@@ -44,8 +45,9 @@ class Moves:
     def room(self, heading: Floats, now: Search, body: Body) -> tuple[Floats, Floats]:
         """Return the ways, m, (n,), that corners of the body have left forwards and backwards, as if along the heading."""
         sine, cosine = np.sin(heading), np.maximum(np.cos(heading), 0.1)
-        ahead = now.begin - now.place - body.front * cosine - body.half_width * np.abs(sine) - self.AIR
-        behind = now.place - now.gap - body.rear * cosine - body.half_width * np.abs(sine) - self.AIR
+        air = self.AIR + (body.half_width + self.ACROSS) * np.abs(sine)
+        ahead = now.begin - now.place - body.front * cosine - air
+        behind = now.place - now.gap - body.rear * cosine - air
         kerb = now.kerb - body.rear * sine - body.half_width * cosine - self.KERB
         return ahead / cosine, np.minimum(behind / cosine, kerb / np.maximum(sine, 0.05))
 

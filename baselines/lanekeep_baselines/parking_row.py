@@ -15,6 +15,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lanekeep_baselines.odometry import Odometer
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.servo_map import ServoMap
 from lanekeep_baselines.wall_design import WallCar
@@ -46,7 +47,7 @@ class Search(NamedTuple):
     """What is remembered besides filter and readings, (n,) each; places count along the row, m.
 
     Attributes:
-        speed: last measured, m/s.
+        speed: present, m/s.
         phase: one of the above.
         place: of the rear axle.
         kerb: distance of the rear axle from it, m.
@@ -99,7 +100,7 @@ class RowReader:
         servo: what it makes of commands.
         noise: of a reading, m, standard deviation.
         slow: speed along the row, m/s.
-        ticks: whether the encoder counts: then it tells the mean speed of the step that ended, else the present one.
+        odometer: tells its way.
         offset: whether the steering offset is estimated; else it counts as none.
     """
 
@@ -118,8 +119,8 @@ class RowReader:
     #: Readings that together tell whether they are.
     MEAN: ClassVar[int] = 6
 
-    def __init__(self, car: WallCar, servo: ServoMap, noise: float, slow: float, ticks: bool, offset: bool) -> None:
-        self._car, self._servo, self._noise, self._slow, self._ticks = car, servo, noise, slow, ticks
+    def __init__(self, car: WallCar, servo: ServoMap, noise: float, slow: float, odometer: Odometer, offset: bool) -> None:
+        self._car, self._servo, self._noise, self._slow, self._odometer = car, servo, noise, slow, odometer
         # The filter hears, ``behind`` the rear axle, what the sensor said there: only then is it known whether that was
         # a box, or its end at the cone's rim.
         self._lag = math.ceil(self.LATER / (slow * car.step))
@@ -127,7 +128,7 @@ class RowReader:
         start = NOISE.start if offset else (*NOISE.start[:2], 0.0, NOISE.start[3])
         expected = replace(NOISE, start=start, steering_offset=NOISE.steering_offset if offset else 0.0)
         self._filter = WallFilter(WallCar(car.wheelbase, -self._behind, car.step), expected)
-        self.memory = self._filter.memory + self._lag
+        self.memory = self._filter.memory + odometer.memory + self._lag
 
     def read(
         self, at: Mapping[str, Floats], memory: Floats, new: NDArray[np.bool_], now: Search
@@ -136,19 +137,19 @@ class RowReader:
 
         The length is 0 where none did, m, (n,). Rows that are ``new`` start.
         """
-        split = self._filter.memory
+        first, second = self._filter.memory, self._filter.memory + self._odometer.memory
         right = np.where(at["distance_right"] > 0.0, at["distance_right"], FARTHEST)
-        before, heard = memory[:, :split], np.where(new[:, None], right[:, None], memory[:, split:])
-        mean = at["speed"] if self._ticks else 0.5 * (now.speed + at["speed"])
+        before, heard = memory[:, :first], np.where(new[:, None], right[:, None], memory[:, second:])
+        speed, mean, driven = self._odometer.update(at, memory[:, first:second], new)
         way = mean * self._car.step
         known, listens = self._locate(at, heard, before, new, now, way)
         middle = np.where(new, known[:, 1], 0.5 * (before[:, 1] + known[:, 1]))
         kerb = np.where(listens, known[:, 0] + self._behind * np.sin(known[:, 1]), now.kerb + way * np.sin(middle))
-        now = now._replace(speed=at["speed"], place=now.place + way * np.cos(middle), kerb=kerb)
+        now = now._replace(speed=speed, place=now.place + way * np.cos(middle), kerb=kerb)
         now, length = self._measure(right, known, now)
-        moves = (at["speed"] > 0.5 * self._slow)[:, None]
+        moves = (speed > 0.5 * self._slow)[:, None]
         heard = np.where(moves, np.concatenate([heard[:, 1:], right[:, None]], axis=1), heard)
-        return known, np.concatenate([known, heard], axis=1), now, length
+        return known, np.concatenate([known, driven, heard], axis=1), now, length
 
     def _locate(
         self, at: Mapping[str, Floats], heard: Floats, memory: Floats, new: NDArray[np.bool_], now: Search, way: Floats
@@ -189,19 +190,21 @@ class RowReader:
         beside = now.beside > 0.5
         # An end passed: the reading goes beyond that of a corner at the cone's rim.
         ends = on & beside & (right > _SLANT * now.box + self.JUMP)
-        end = np.where(ends, sensor - _RIM * right, now.end)
+        # Where along the row the readings are of, if they are of the cone's rim; the cone turns with the car.
+        passed, coming = (sensor + sign * np.sin(HALF_CONE + sign * known[:, 1]) * right for sign in (-1.0, 1.0))
+        end = np.where(ends, passed, now.end)
         peak = np.where(ends, right, np.maximum(now.peak, right))
         # An end ahead: it falls again.
         opens = looks & ~beside
         sees = opens & (now.edge == NONE) & (right < kerb - 2.0 * self.JUMP) & (right < peak - self.FALL)
-        edge = np.where(sees, sensor + _RIM * right, now.edge)
+        edge = np.where(sees, coming, now.edge)
         # The first reading of an end is one that noise has chosen: those that follow count, while they are of the rim.
         rims = np.where(ends | sees, 0.0, now.rims + 1.0)
         follows = (right > _SLANT * (now.box + self.CORNER)) & (right < kerb - self.JUMP) & (rims > 0.0) & (rims <= self.RIMS)
         after = on & ~beside & (now.edge == NONE) & follows
-        end = np.where(after, end + (sensor - _RIM * right - end) / np.maximum(rims, 1.0), end)
+        end = np.where(after, end + (passed - end) / np.maximum(rims, 1.0), end)
         before = opens & (now.edge != NONE) & follows
-        edge = np.where(before, edge + (sensor + _RIM * right - edge) / np.maximum(rims, 1.0), edge)
+        edge = np.where(before, edge + (coming - edge) / np.maximum(rims, 1.0), edge)
         edge = np.where(ends | (opens & (right > kerb - self.JUMP)), NONE, edge)
         reaches = opens & (edge != NONE) & (sensor >= edge)
         gap = np.where(looks & (ends | after), end, now.gap)
