@@ -15,6 +15,8 @@ from lanekeep_env.sensing.ultrasonic import HALF_CONE
 
 #: Kerb and box are heard if they are nearer, m; a reading this far off is of something else, m.
 DEEP, AHEAD, OTHER = 0.35, 0.45, 0.06
+#: How far the nose's sensor is below a box's corner to face it, m.
+CORNER = 0.03
 #: Share by which place and distance follow.
 FOLLOWS = 0.15
 
@@ -33,15 +35,11 @@ def hear(right: Floats, front: Floats, heading: Floats, now: Search, side: float
     seen = (now.kerb + side * np.sin(heading)) / np.cos(beyond)
     off = np.where(inside & (seen < DEEP) & _same(right, seen), right - seen, 0.0)
     kerb = now.kerb + FOLLOWS * off
-    # The rear of the box ahead, up to its depth, within the cone of the nose's sensor.
-    ahead = np.maximum(now.begin - now.place - nose * np.cos(heading), 1e-3)
-    left = now.kerb + nose * np.sin(heading)
-    low = np.maximum(heading - HALF_CONE, np.arctan2(-left, ahead))
-    high = np.minimum(heading + HALF_CONE, np.arctan2(now.depth - left, ahead))
-    slant = np.cos(np.clip(0.0, low, np.maximum(low, high)))
-    hears = inside & (low < high) & (ahead < AHEAD) & _same(front, ahead / slant)
-    off = np.where(hears, front - ahead / slant, 0.0)
-    return now._replace(kerb=kerb, place=now.place - FOLLOWS * off * slant)
+    # The rear of the box ahead: straight ahead of the nose's sensor, well below the box's corner, and within its cone.
+    ahead = now.begin - now.place - nose * np.cos(heading)
+    faces = (now.kerb + nose * np.sin(heading) < now.depth - CORNER) & (np.abs(heading) < HALF_CONE)
+    off = np.where(inside & faces & (ahead < AHEAD) & _same(front, ahead), front - ahead, 0.0)
+    return now._replace(kerb=kerb, place=now.place - FOLLOWS * off)
 
 
 def _same(reading: Floats, expected: Floats) -> NDArray[np.bool_]:
