@@ -36,7 +36,7 @@ class Moves:
 
     #: Nearest to a box and to the kerb, m, along the row; and more to a box by so much where the car is across, since
     #: only along the row it hears where it is.
-    AIR, KERB, ACROSS = 0.012, 0.01, 0.01
+    AIR, KERB, ACROSS = 0.015, 0.01, 0.015
     #: Heading at which the car is along the kerb, rad.
     DONE: ClassVar[float] = float(np.deg2rad(1.0))
     #: Beside the row at the end of leaving, m.
