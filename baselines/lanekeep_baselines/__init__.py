@@ -120,13 +120,22 @@ def _class_of(name: str) -> type[SteeringPolicy]:
 def make(name: str, scenario: Scenario, **options: bool) -> Policy:
     """Design the controller ``name`` for the vehicle, the channels and the control step of ``scenario``.
 
+    ``options`` switch off, with False, what its class takes by keyword: improvements on a published controller.
+
     Raises:
-        ValueError: unknown name (the nearest one is named), or a channel or field that the scenario does not have.
+        ValueError: unknown name (the nearest one is named) or option, or a channel or field that the scenario does not
+            have.
         ModuleNotFoundError: the controller's design needs a package of the extra `lanekeep[baselines]`.
     """
     if name not in names():
         raise ValueError(f"policy={shown(name)} is unknown{nearest(name, names())}; allowed: {', '.join(names())}")
     policy = _declared_of(name)
+    for option, value in options.items():
+        known = () if name in _REGISTERED else policy.options()
+        if option not in known:
+            raise ValueError(f"policy {name!r} has no option {shown(option)}; allowed: {', '.join(known) or 'none'}")
+        if not isinstance(value, bool):
+            raise ValueError(f"{option}={shown(value)} is not allowed: it must be True or False")
     package = policy.missing_package()
     if package:
         raise ModuleNotFoundError(

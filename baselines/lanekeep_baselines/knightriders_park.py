@@ -213,9 +213,7 @@ class KnightRidersPark(DrivingPolicy):
         forth, shunts = np.clip(2.0 * ahead, 0.05, self.SHUNT), -np.clip(2.0 * behind, 0.05, self.SHUNT)
         steady, fast = np.where(now.rest > 0.0, 0.0, self.SLOW), blank + self.BACK
         now = now._replace(rest=now.rest - self._car.step)
-        speed = np.choose(
-            phase, [steady, on, -fast, -fast, back, blank, forth, shunts, forth, shunts, fast, fast]
-        )
+        speed = np.choose(phase, [steady, on, -fast, -fast, back, blank, forth, shunts, forth, shunts, fast, fast])
         # Before a wall the car stops.
         stops = np.sqrt(2.0 * self.BRAKE * np.maximum(front - self.STOP, 0.0))
         speed = np.where(phase <= AHEAD, np.minimum(speed, stops), speed)

@@ -119,7 +119,9 @@ class RowReader:
     #: Readings that together tell whether they are.
     MEAN: ClassVar[int] = 6
 
-    def __init__(self, car: WallCar, servo: ServoMap, noise: float, slow: float, odometer: Odometer, offset: bool) -> None:
+    def __init__(
+        self, car: WallCar, servo: ServoMap, noise: float, slow: float, odometer: Odometer, offset: bool
+    ) -> None:
         self._car, self._servo, self._noise, self._slow, self._odometer = car, servo, noise, slow, odometer
         # The filter hears, ``behind`` the rear axle, what the sensor said there: only then is it known whether that was
         # a box, or its end at the cone's rim.
@@ -200,7 +202,9 @@ class RowReader:
         edge = np.where(sees, coming, now.edge)
         # The first reading of an end is one that noise has chosen: those that follow count, while they are of the rim.
         rims = np.where(ends | sees, 0.0, now.rims + 1.0)
-        follows = (right > _SLANT * (now.box + self.CORNER)) & (right < kerb - self.JUMP) & (rims > 0.0) & (rims <= self.RIMS)
+        follows = (
+            (right > _SLANT * (now.box + self.CORNER)) & (right < kerb - self.JUMP) & (rims > 0.0) & (rims <= self.RIMS)
+        )
         after = on & ~beside & (now.edge == NONE) & follows
         end = np.where(after, end + (passed - end) / np.maximum(rims, 1.0), end)
         before = opens & (now.edge != NONE) & follows

@@ -53,7 +53,9 @@ def shunts(gap: ArrayLike, depth: ArrayLike, kerb: ArrayLike, body: Body, air: f
         body: of the car.
         air, kerb_air: kept to boxes and to the kerb, m.
     """
-    gap, depth, kerb = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (gap, depth, kerb)))
+    gap, depth, kerb = np.broadcast_arrays(
+        *(np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (gap, depth, kerb))
+    )
     blank = np.zeros(len(gap))
     pose = np.stack([blank + air + body.rear, kerb + body.half_width, blank], axis=1)
     segments, moves = np.zeros((len(gap), 2 * MOST, 2)), np.zeros(len(gap), dtype=np.intp)
