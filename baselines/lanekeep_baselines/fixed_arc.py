@@ -1,8 +1,6 @@
-"""What the report does where its plan would hit something: a short way back, then a fixed arc to the freer side (4.4)."""
+"""What the report does where a plan would hit something: a short way back, then a fixed arc to the freer side (4.4)."""
 
 from __future__ import annotations
-
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray

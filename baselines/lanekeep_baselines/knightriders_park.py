@@ -27,15 +27,8 @@ from lanekeep_baselines.parking_gap import hear
 from lanekeep_baselines.parking_moves import Moves
 from lanekeep_baselines.parking_row import (
     AHEAD,
-    AWAY,
-    BACK,
-    BESIDE,
-    FORTH,
-    IN,
     LEFT,
-    OUT,
     RIGHT,
-    SEARCH,
     STAND,
     STRAIGHT,
     RowReader,
@@ -196,28 +189,30 @@ class KnightRidersPark(DrivingPolicy):
         step, across = np.abs(now.speed) * self._car.step, now.kerb - now.line  # still to go
         phase = self._next(heading, body, step, across, now)
         phase = self._moves.straighten(phase, heading, now, body, step)
-        phase = self._moves.leave(phase, heading, now, body, step, asked).astype(np.intp)
-        ahead, behind = self._moves.room(heading, now, body)
+        phase = self._moves.leave(phase, heading, now, body, step, asked)
+        now, kind = now._replace(phase=phase, rest=now.rest - self._car.step), phase.astype(np.intp)
         blank = np.zeros_like(heading)
         right, left = -1.0 / body.radius_right + blank, 1.0 / body.radius_left + blank
-        bend = self._bend(heading, body, across, now)
-        straighten = -self._straighten * heading
+        straighten, bend = -self._straighten * heading, self._bend(heading, body, across, now)
         curvature = np.choose(
-            phase, [straighten, straighten, right, blank, bend, blank, right, left, left, right, blank, right]
+            kind, [straighten, straighten, right, blank, bend, blank, right, left, left, right, blank, right]
         )
         steering = self._servo.command(np.arctan(self._car.wheelbase * curvature) - known[:, 2])
-        # Slow enough at a way's end to stop within a step.
+        return steering, np.minimum(self._speed(kind, heading, front, body, now), self._fastest), now
+
+    def _speed(self, phase: NDArray[np.intp], heading: Floats, front: Floats, body: Body, now: Search) -> Floats:
+        """Return the set speed, m/s, slow enough at a way's end to stop within a step."""
+        ahead, behind = self._moves.room(heading, now, body)
+        blank = np.zeros_like(heading)
+        row, fast = np.where(now.rest > 0.0, 0.0, self.SLOW), blank + self.BACK
         on = np.clip(2.0 * (now.start - now.place), 0.05, self.SLOW)
-        back = -np.clip(2.0 * heading, 0.08, self.BACK) if self._vary else blank - self.BACK
+        back = -np.clip(2.0 * heading, 0.08, self.BACK) if self._vary else -fast
         back = np.where(now.moves > 0.5, -np.clip(2.0 * behind, 0.05, self.BACK), back)
-        forth, shunts = np.clip(2.0 * ahead, 0.05, self.SHUNT), -np.clip(2.0 * behind, 0.05, self.SHUNT)
-        steady, fast = np.where(now.rest > 0.0, 0.0, self.SLOW), blank + self.BACK
-        now = now._replace(rest=now.rest - self._car.step)
-        speed = np.choose(phase, [steady, on, -fast, -fast, back, blank, forth, shunts, forth, shunts, fast, fast])
+        forth, shunt = np.clip(2.0 * ahead, 0.05, self.SHUNT), -np.clip(2.0 * behind, 0.05, self.SHUNT)
+        speed = np.choose(phase, [row, on, -fast, -fast, back, blank, forth, shunt, forth, shunt, fast, fast])
         # Before a wall the car stops.
         stops = np.sqrt(2.0 * self.BRAKE * np.maximum(front - self.STOP, 0.0))
-        speed = np.where(phase <= AHEAD, np.minimum(speed, stops), speed)
-        return steering, np.minimum(speed, self._fastest), now._replace(phase=phase.astype(np.float64))
+        return np.where(phase <= AHEAD, np.minimum(speed, stops), speed)
 
     def _next(self, heading: Floats, body: Body, step: Floats, across: Floats, now: Search) -> Floats:
         """Return the next phase of one sweep: each part ends where the last arc, from there, ends along the kerb."""

@@ -14,7 +14,7 @@ from lanekeep_baselines.policy import Floats
 
 
 class KnightRidersShunt(KnightRidersPark):
-    """`knightriders-shunt`: one sweep where that will do, else in, and forth and back until the car is along the kerb."""
+    """`knightriders-shunt`: one sweep where that will do, else forth and back until the car is along the kerb."""
 
     name = "knightriders-shunt"
 

@@ -43,7 +43,7 @@ class Moves:
     CLEAR: ClassVar[float] = 0.3
 
     def room(self, heading: Floats, now: Search, body: Body) -> tuple[Floats, Floats]:
-        """Return the ways, m, (n,), that corners of the body have left forwards and backwards, as if along the heading."""
+        """Return the ways, m, (n,), that the body has left forwards and backwards, as if along the heading."""
         sine, cosine = np.sin(heading), np.maximum(np.cos(heading), 0.1)
         air = self.AIR + (body.half_width + self.ACROSS) * np.abs(sine)
         ahead = now.begin - now.place - body.front * cosine - air

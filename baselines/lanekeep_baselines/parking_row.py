@@ -86,7 +86,7 @@ class Search(NamedTuple):
 
     @classmethod
     def at_rest(cls, right: Floats, rest: float) -> Search:
-        """Return what is known before the row; the wall on the right is ``right`` m away, the car stands for ``rest`` s."""
+        """Return what is known before the row: the distance of the wall, m; the car stands for ``rest`` s."""
         blank = np.zeros_like(right)
         none = blank + NONE
         return cls(blank, blank, blank, right, blank, right, none, none, none, right, none, *(blank,) * 5, blank + rest)
@@ -135,9 +135,9 @@ class RowReader:
     def read(
         self, at: Mapping[str, Floats], memory: Floats, new: NDArray[np.bool_], now: Search
     ) -> tuple[Floats, Floats, Search, Floats]:
-        """Return what the filter knows, (n, 4 or more), the next memory, the search, and the length of a gap that ended.
+        """Return what the filter knows, the next memory, the search, and the length of a gap that ended, m.
 
-        The length is 0 where none did, m, (n,). Rows that are ``new`` start.
+        The length is 0 where none did, (n,). Rows that are ``new`` start.
         """
         first, second = self._filter.memory, self._filter.memory + self._odometer.memory
         right = np.where(at["distance_right"] > 0.0, at["distance_right"], FARTHEST)

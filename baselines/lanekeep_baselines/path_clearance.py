@@ -20,13 +20,13 @@ FINER, TRIED = 0.02, 16
 
 @dataclass(frozen=True)
 class Body:
-    """The body's ends ahead of and behind the rear axle and half its width, and the axle's turning radii, m."""
+    """The body's ends ahead of and behind the rear axle and half its width, and the axle's turning radii, or (n,), m."""
 
     front: float
     rear: float
     half_width: float
-    radius_left: float
-    radius_right: float
+    radius_left: float | Floats
+    radius_right: float | Floats
 
 
 def clearance(segments: Floats, ahead: ArrayLike, left: ArrayLike, body: Body, every: int = 24) -> Floats:

@@ -1,4 +1,4 @@
-"""Parking in several moves, in closed form: for gaps that one sweep backwards does not enter (KnightRiders, outlook 6.2).
+"""Parking in several moves, in closed form: for gaps that one sweep backwards does not enter.
 
 Planned from the parked car outwards: arc left until the nose's right corner comes to the box in front, arc right
 backwards until the tail comes to the box behind or to the kerb, and so on, until the arc left passes the corner of the
@@ -91,7 +91,10 @@ def passes(pose: Floats, ahead: Floats, left: Floats, body: Body) -> NDArray[np.
 
 
 def reach_ahead(pose: Floats, line: Floats, body: Body) -> Floats:
-    """Return the heading, (n,), at which an arc left brings the nose's right corner ``line`` m ahead; the present at least."""
+    """Return the heading, (n,), at which an arc left brings the nose's right corner ``line`` m ahead.
+
+    The present one where it is there already.
+    """
     x, _, heading = pose.T
     return np.maximum(
         _angle(line - x + body.radius_left * np.sin(heading), body.radius_left + body.half_width, body.front), heading
@@ -99,7 +102,7 @@ def reach_ahead(pose: Floats, line: Floats, body: Body) -> Floats:
 
 
 def reach_behind(pose: Floats, line: ArrayLike, kerb: ArrayLike, body: Body) -> Floats:
-    """Return the heading, (n,), at which an arc right backwards brings the tail to a ``line`` ahead or near to the kerb.
+    """Return the heading, (n,), at which an arc right backwards brings the tail to a ``line``, or near to the kerb.
 
     Less than the present where it is there already.
     """
