@@ -20,7 +20,7 @@ FINER, TRIED = 0.02, 16
 
 @dataclass(frozen=True)
 class Body:
-    """The body's ends ahead of and behind the rear axle and half its width, and the axle's turning radii, or (n,), m."""
+    """The body's ends ahead of and behind the rear axle and half its width, and the axle's turning radii, m."""
 
     front: float
     rear: float
