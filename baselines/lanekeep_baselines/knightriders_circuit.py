@@ -179,7 +179,7 @@ class KnightRidersCircuit(DrivingPolicy):
             command,
             known,
             self._side(leg),
-            self._map.unseen(at, ranges),
+            np.minimum(self._map.unseen(at, ranges), glass),
             pilot,
         )
         leg = leg._replace(phase=np.where(keep, phase, leg.phase))
