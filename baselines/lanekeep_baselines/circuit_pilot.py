@@ -47,6 +47,8 @@ class CircuitPilot:
         offset, base = known[:, 2], self._car.wheelbase
         least, most = np.tan(offset - self._limit) / base, np.tan(offset + self._limit) / base
         motion = Motion(at["speed"], pilot.curvature, least, most)
+        # Before what it hears, but does not see, the car can always stop.
+        command = np.stack([command[:, 0], np.minimum(command[:, 1], self._free.before(heard))], axis=1)
         asked = np.tan(np.clip(command[:, 0], -self._limit, self._limit) + offset) / base
         harmless = self._free.harmless(*points, motion, asked, command[:, 1], pilot.doubt > 0.0)
         if self._arc is not None:
