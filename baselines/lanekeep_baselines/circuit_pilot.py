@@ -26,6 +26,8 @@ class CircuitPilot:
         arc: what is done instead of looking for a way in free space, or None.
     """
 
+    #: Largest speed where the way is looked for, m/s.
+    LOOKING: ClassVar[float] = 1.5
     #: Commands replaced after which the way is looked for.
     DOUBT: ClassVar[float] = 4.0
 
@@ -76,7 +78,8 @@ class CircuitPilot:
                 np.where(lost, pilot.back, 0.0)[rows],
                 lost[rows],
             )
-            curvature[rows], speed[rows] = choice.curvature, choice.speed
+            slower = np.where(lost[rows], np.minimum(choice.speed, self.LOOKING), choice.speed)
+            curvature[rows], speed[rows] = choice.curvature, slower
             back[rows] = np.maximum(choice.back - self._car.step * np.abs(at["speed"][rows]), 0.0)
         doubt = np.where(keep, np.maximum(pilot.doubt - 0.2, 0.0), pilot.doubt + 1.0)
         loses = ~lost & (doubt > self.DOUBT)
