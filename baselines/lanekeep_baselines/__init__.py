@@ -58,6 +58,7 @@ _POLICIES = {
     "knightriders-obstacles-published": "knightriders_obstacles_published:KnightRidersObstaclesPublished",
     "knightriders-park": "knightriders_park:KnightRidersPark",
     "knightriders-park-published": "knightriders_park_published:KnightRidersParkPublished",
+    "knightriders-shunt": "knightriders_shunt:KnightRidersShunt",
     "knightriders-modes": "knightriders_modes:KnightRidersModes",
 }
 
@@ -116,16 +117,25 @@ def _class_of(name: str) -> type[SteeringPolicy]:
     return found
 
 
-def make(name: str, scenario: Scenario) -> Policy:
+def make(name: str, scenario: Scenario, **options: bool) -> Policy:
     """Design the controller ``name`` for the vehicle, the channels and the control step of ``scenario``.
 
+    ``options`` switch off, with False, what its class takes by keyword: improvements on a published controller.
+
     Raises:
-        ValueError: unknown name (the nearest one is named), or a channel or field that the scenario does not have.
+        ValueError: unknown name (the nearest one is named) or option, or a channel or field that the scenario does not
+            have.
         ModuleNotFoundError: the controller's design needs a package of the extra `lanekeep[baselines]`.
     """
     if name not in names():
         raise ValueError(f"policy={shown(name)} is unknown{nearest(name, names())}; allowed: {', '.join(names())}")
     policy = _declared_of(name)
+    for option, value in options.items():
+        known = () if name in _REGISTERED else policy.options()
+        if option not in known:
+            raise ValueError(f"policy {name!r} has no option {shown(option)}; allowed: {', '.join(known) or 'none'}")
+        if not isinstance(value, bool):
+            raise ValueError(f"{option}={shown(value)} is not allowed: it must be True or False")
     package = policy.missing_package()
     if package:
         raise ModuleNotFoundError(
@@ -136,4 +146,4 @@ def make(name: str, scenario: Scenario) -> Policy:
             raise ValueError(lacking)
         made: Policy = _REGISTERED[name][1](scenario)
         return made
-    return _class_of(name)(scenario)
+    return _class_of(name)(scenario, **options)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.util import find_spec
+from inspect import Parameter, signature
 from typing import Any, ClassVar, NamedTuple, get_type_hints
 
 from lanekeep_env.checks import shown
@@ -51,6 +52,12 @@ class Declared:
         protocol = get_type_hints(cls.__init__).get("scenario", object)
         bases = reversed(protocol.__mro__)
         return tuple(name for base in bases for name, member in vars(base).items() if isinstance(member, property))
+
+    @classmethod
+    def options(cls) -> tuple[str, ...]:
+        """Return the switches that `lanekeep_baselines.make` takes, all on by default: arguments by keyword only."""
+        parameters = signature(cls.__init__).parameters.values()
+        return tuple(parameter.name for parameter in parameters if parameter.kind is Parameter.KEYWORD_ONLY)
 
     @classmethod
     def lacking(cls, scenario: Any) -> str:

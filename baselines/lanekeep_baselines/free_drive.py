@@ -120,6 +120,10 @@ class FreeDrive:
         """Return the way to a standstill, m."""
         return np.where(speed > 0.0, speed * speed / (2.0 * self.COUNTED * self._acceleration), 0.0) + self.RESERVE
 
+    def before(self, heard: Floats) -> Floats:
+        """Return the speed, m/s, (n,), from which the car stops before what is heard so far ahead, m."""
+        return np.sqrt(2.0 * self.BRAKE * np.maximum(heard - self.TOUCHING, 0.0))
+
     def choose(
         self,
         x: Floats,

@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.circuit_pilot import CircuitPilot
+from lanekeep_baselines.fixed_arc import FixedArc
 from lanekeep_baselines.free_drive import FreeDrive, Pilot
 from lanekeep_baselines.free_space import Body, FreeSpace
 from lanekeep_baselines.local_map import LocalMap
@@ -77,7 +78,13 @@ class Leg(NamedTuple):
 
 
 class KnightRidersCircuit(DrivingPolicy):
-    """`knightriders-circuit`: along the walls and round the corners of a rectangular circuit."""
+    """`knightriders-circuit`: along the walls and round the corners of a rectangular circuit.
+
+    Args:
+        scenario: with a scan.
+        free_space: a way is looked for where a command is not harmless; else the car backs up and takes the report's
+            fixed arc.
+    """
 
     name = "knightriders-circuit"
     reads = ("distance_right", "distance_left", "yaw_rate", "steering_command", *Odometer.reads, "scan_0")
@@ -108,7 +115,7 @@ class KnightRidersCircuit(DrivingPolicy):
     #: Speeds, m/s: without a direction at the corner, and below which gains are those of this one.
     CREEP, SLOWEST = 1.2, 0.2
 
-    def __init__(self, scenario: CircuitDrive) -> None:
+    def __init__(self, scenario: CircuitDrive, *, free_space: bool = True) -> None:
         super().__init__(scenario)
         car = scenario.vehicle
         self._car = WallCar(car.wheelbase, 0.5 * car.wheelbase, scenario.control_step)
@@ -125,7 +132,8 @@ class KnightRidersCircuit(DrivingPolicy):
         tightest = float(np.tan(self._limit - self.SPARE) / car.wheelbase)
         space = FreeSpace(body, tightest)
         free = FreeDrive(space, scenario.control_step, scenario.max_acceleration, scenario.max_speed)
-        self._pilot = CircuitPilot(free, self._reader, self._car, self._limit)
+        arc = None if free_space else FixedArc(scenario.control_step, tightest)
+        self._pilot = CircuitPilot(free, self._reader, self._car, self._limit, arc)
         own = len(Leg._fields), len(Pilot._fields)
         sizes = (self._filter.memory, self._control.memory, *own, self._map.memory, self._odometer.memory)
         self._split = tuple(np.cumsum(sizes[:-1]))
@@ -171,7 +179,7 @@ class KnightRidersCircuit(DrivingPolicy):
             command,
             known,
             self._side(leg),
-            self._map.unseen(at, ranges),
+            np.minimum(self._map.unseen(at, ranges), glass),
             pilot,
         )
         leg = leg._replace(phase=np.where(keep, phase, leg.phase))

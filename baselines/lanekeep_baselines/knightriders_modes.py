@@ -2,7 +2,8 @@
 
 Each mode has a policy of its own, which starts afresh where the mode begins. Decisions: parking searches slowly, near
 the row and along it. So the policy before it drives on, braking, until the car is as slow and turns no more; then the
-wall on the right is approached, which the authors wish for.
+wall on the right is approached, which the authors wish for. A car that is in a gap, or on its way in, leaves it first
+when another mode is asked for.
 """
 
 from __future__ import annotations
@@ -57,8 +58,9 @@ class KnightRidersModes(DrivingPolicy):
 
     def __init__(self, scenario: CourseDrive) -> None:
         super().__init__(scenario)
-        self._approach = WallApproach(scenario)
-        self._parts = {**{mode: part(scenario) for mode, part in self.PARTS.items()}, APPROACH: self._approach}
+        self._approach, self._park = WallApproach(scenario), KnightRidersPark(scenario)
+        parts = {mode: part(scenario) for mode, part in self.PARTS.items() if mode != PARK}
+        self._parts = {**parts, PARK: self._park, APPROACH: self._approach}
         ends = 1 + np.cumsum([part.memory for part in self._parts.values()])
         self._places = {
             mode: slice(end - part.memory, end) for end, (mode, part) in zip(ends, self._parts.items(), strict=True)
@@ -92,5 +94,6 @@ class KnightRidersModes(DrivingPolicy):
         drives = ~new & (wanted == PARK) & (last < PARK)
         arrived = self._approach.arrived(at, memory[:, self._places[APPROACH]])
         approaches = (drives & ~hasty) | (~new & (wanted == PARK) & (last == APPROACH) & ~arrived)
-        mode = np.where(approaches, APPROACH, np.where(drives & hasty, last, wanted))
+        leaves = ~new & (last == PARK) & self._park.inside(memory[:, self._places[PARK]])
+        mode = np.where(approaches, APPROACH, np.where(drives & hasty, last, np.where(leaves, PARK, wanted)))
         return mode, drives & hasty

@@ -33,5 +33,5 @@ class KnightRidersObstacles(KnightRidersCircuit):
     name = "knightriders-obstacles"
     needs = (Need("a course", _no_course),)
 
-    def __init__(self, scenario: ObstacleDrive) -> None:
-        super().__init__(scenario)
+    def __init__(self, scenario: ObstacleDrive, *, free_space: bool = True) -> None:
+        super().__init__(scenario, free_space=free_space)

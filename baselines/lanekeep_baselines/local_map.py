@@ -153,12 +153,13 @@ class LocalMap:
         echo = at["distance_front"]
         cone = np.abs(self._reader.angles) <= HALF_CONE + 0.02
         shown = np.where(cone, ranges, np.inf).min(axis=0) <= echo + self.SHOWN
+        # Of what it showed before, only what is too near for it now tells anything: the rest it would show still.
         depth = x - self._nose
         kept = np.where((depth > 0.0) & (np.abs(y) <= (TANGENT + 0.02) * depth), np.hypot(depth, y), np.inf)
-        shown |= kept.min(axis=(0, 1)) <= echo + self.SHOWN
+        shown |= kept.min(axis=(0, 1)) <= np.minimum(echo + self.SHOWN, self._blind + 0.1)
         sides = [np.where(at[f"distance_{side}"] > 0.0, at[f"distance_{side}"], np.inf) for side in ("right", "left")]
         wall = np.minimum(*sides) / np.sin(HALF_CONE)
-        glass = (echo > self._blind) & ~shown & (echo < self.SIDE_SHARE * wall)
+        glass = (echo > 0.0) & ~shown & (echo < self.SIDE_SHARE * wall)
         return np.where(glass, echo, np.inf)
 
     def _taken_back(self, at: Mapping[str, Floats], x: Floats, y: Floats) -> NDArray[np.bool_]:

@@ -25,8 +25,8 @@ class Body:
     front: float
     rear: float
     half_width: float
-    radius_left: float
-    radius_right: float
+    radius_left: float | Floats
+    radius_right: float | Floats
 
 
 def clearance(segments: Floats, ahead: ArrayLike, left: ArrayLike, body: Body, every: int = 24) -> Floats:

@@ -24,6 +24,7 @@ from lanekeep_env.scenario.servo import Servo, servo_from
 from lanekeep_env.sensing.faults import WALL_SENSOR_SETS, SensorSets
 from lanekeep_env.sensing.ultrasonic import FARTHEST, ULTRASONICS
 from lanekeep_env.walls import Corridor, MapFile, RandomCircuits, WorldRecord, world_from
+from lanekeep_env.walls.corners import swept_corner, turned_corner
 from lanekeep_env.walls.generators import range_of
 from lanekeep_env.walls.map_file import FOUND
 
@@ -293,6 +294,26 @@ class CircuitScenario(WallFollowScenario):
         require("max_acceleration", self.max_acceleration, "m/s²", at_least=1e-3, at_most=1e3)
         require("laps", self.laps, "", at_least=1, at_most=1_000_000, whole=True)
         super()._check()
+        self._check_drivable()
+
+    def _check_drivable(self) -> None:
+        """Raise ValueError for a world that the car cannot drive: too narrow for its body or its turning circle."""
+        car, world = self.vehicle, self.world
+        if world.passes and getattr(world, world.passes) <= car.width:
+            gap = getattr(world, world.passes)
+            raise ValueError(f"world.{world.passes}={gap!r} is not allowed: the car is {car.width:g} m wide")
+        if world.turns:
+            needed, how = turned_corner(car.length, car.width), "shunting as often as need be"
+            if not self.reverses:
+                angle = self._wheel_angle + max(map(abs, self.steering_offset))
+                needed = swept_corner(car.length, car.width, car.wheelbase, angle)
+                how = f"only forwards, with {math.degrees(angle):.3g} degrees of steering"
+            corridor = getattr(world, world.turns)
+            if corridor <= needed:
+                raise ValueError(
+                    f"world.{world.turns}={corridor!r} is not allowed: round a right angle the car, {car.length:g} m "
+                    f"long and {car.width:g} m wide, needs more than {needed:.3g} m of corridor, {how}"
+                )
 
     def _settle(self) -> None:
         if isinstance(self.world, MapFile) and self.world.centre_line is None:

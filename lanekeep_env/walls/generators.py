@@ -27,6 +27,9 @@ class WorldRecord:
     """What all records of worlds share: a kind, JSON-able fields and a fingerprint."""
 
     kind: ClassVar[str]
+    #: Field with the narrowest corridor that turns by a right angle, and with the narrowest gap; "" for none.
+    turns: ClassVar[str] = ""
+    passes: ClassVar[str] = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return kind and fields as JSON-able values; `world_from` reads them back."""
@@ -94,6 +97,7 @@ class Ell(WorldRecord):
     """
 
     kind: ClassVar[str] = "ell"
+    turns: ClassVar[str] = "width"
     first: float = 8.0
     second: float = 8.0
     width: float = 2.0
@@ -132,6 +136,7 @@ class Slalom(WorldRecord):
     """
 
     kind: ClassVar[str] = "slalom"
+    passes: ClassVar[str] = "gap"
     width: float = 3.0
     gap: float = 1.5
     spacing: float = 3.0
@@ -175,6 +180,7 @@ class Circuit(WorldRecord):
     """
 
     kind: ClassVar[str] = "circuit"
+    turns: ClassVar[str] = "corridor"
     length: float = 12.0
     width: float = 8.0
     corridor: float = 2.0
@@ -222,6 +228,7 @@ class RandomCircuits(WorldRecord):
     """
 
     kind: ClassVar[str] = "random-circuits"
+    turns: ClassVar[str] = "narrowest"
     count: int = 64
     shortest: float = 6.0
     longest: float = 20.0

@@ -14,10 +14,10 @@ PARK = "lanekeep/ParallelPark-v0"
 NOISY = {"sensors": "production", "encoder_ticks": 40}
 
 
-def drive(name, rows, world, **keywords):
+def drive(name, rows, world, options=None, **keywords):
     """Return termination, success and smallest share of each row's first episode; a scan is not needed."""
     env = gym.make_vec(PARK, rows, "vector_entry_point", world=world, scan="none", **keywords)
-    policy = lanekeep_baselines.make(name, env.unwrapped.scenario)
+    policy = lanekeep_baselines.make(name, env.unwrapped.scenario, **(options or {}))
     worlds = len(env.unwrapped.world_set())
     observation, info = env.reset(seed=2000, options={"world_index": np.arange(rows) % worlds})
     state, over = None, np.zeros(rows, dtype=bool)
@@ -60,6 +60,70 @@ def test_the_report_s_own_rule_finds_no_gap_that_is_only_as_long_as_needed():
     world = {"kind": "random-parking-rows", "count": 32, "seed": 2000}
     _, success = drive("knightriders-park-published", 32, world)
     assert not success.any()
+
+
+@pytest.mark.parametrize("keywords", [{}, NOISY])
+def test_gaps_too_short_for_one_sweep_are_entered_in_several_moves(keywords):
+    """0.66 to 0.88 m, where one sweep needs 0.8995 m: `knightriders-park` enters none of them."""
+    world = {"kind": "random-parking-rows", "count": 48, "seed": 2001, "longer": (0.66, 0.88), "shorter": (0.1, 0.6)}
+    _, success = drive("knightriders-shunt", 48, world, **keywords)
+    assert success.mean() >= 0.93
+    _, swept = drive("knightriders-park", 12, world, episode_steps=700, **keywords)
+    assert not swept.any()
+
+
+def test_a_gap_hardly_longer_than_the_car_is_left_alone():
+    world = {"kind": "parking-row", "gaps": (0.4, 0.55, 0.58)}
+    termination, success = drive("knightriders-shunt", 4, world, episode_steps=600, **NOISY)
+    assert not success.any() and (termination == 0).all()
+
+
+@pytest.mark.parametrize(("name", "longer"), [("knightriders-park", (1.0, 1.4)), ("knightriders-shunt", (0.66, 0.88))])
+def test_asked_for_another_mode_the_car_leaves_the_gap_again(name, longer):
+    """Parked, then away: it is in the street along the row without a contact, and was in a gap before."""
+    rows, leaves = 16, 42.0
+    world = {"kind": "random-parking-rows", "count": rows, "seed": 2002, "longer": longer, "shorter": (0.1, 0.6)}
+    modes = [(0.0, "park"), (leaves, "roundtrip")]
+    env = gym.make_vec(PARK, rows, "vector_entry_point", world=world, scan="none", modes=modes, **NOISY)
+    policy = lanekeep_baselines.make(name, env.unwrapped.scenario)
+    observation, info = env.reset(seed=2002, options={"world_index": np.arange(rows)})
+    state, touched, inside = None, np.zeros(rows, dtype=bool), np.zeros(rows, dtype=bool)
+    left = np.zeros(rows, dtype=bool)
+    for k in range(int((leaves + 20.0) / 0.045)):
+        action, state = policy.predict(observation, state)
+        if k * 0.045 > leaves + 1.0:
+            out = inside & ~policy.inside(state) & ~touched & ~left
+            for row in np.flatnonzero(out):
+                pose, space = env.unwrapped._core.pose(row), env.unwrapped.world_set()[row].spaces[0]
+                assert abs(pose.heading) < np.deg2rad(4.0) and pose.y > space[4] + 0.3
+            left |= out
+        observation, *_, info = env.step(action)
+        touched |= (info["cost"] > 0.0) & ~left
+        if k * 0.045 < leaves:
+            inside = info["space_share"] > 0.99
+    assert inside.mean() >= 0.9
+    assert left[inside].mean() >= 0.93
+
+
+def test_each_improvement_that_is_switched_off_costs_something():
+    """The published car has none of them: less often parked, or later."""
+    world = {"kind": "random-parking-rows", "count": 48, "seed": 2003}
+    settings = {**NOISY, "servo": {"left": 0.36, "right": 0.4, "ticks": 50}}
+    whole = drive("knightriders-park", 48, world, **settings)[1].sum()
+    for option, least in (("start_parallel", 1), ("estimate_offset", 5), ("invert_servo", 20)):
+        without = drive("knightriders-park", 48, world, {option: False}, **settings)[1].sum()
+        assert without <= whole - least, option
+    assert drive("knightriders-park", 48, world, {"vary_path": False}, **settings)[1].sum() > 0
+
+
+def test_options_are_named():
+    scenario = gym.make(PARK, scan="none").unwrapped.scenario
+    with pytest.raises(ValueError, match=r"no option 'vary'; allowed: start_parallel, estimate_offset, invert_servo"):
+        lanekeep_baselines.make("knightriders-park", scenario, vary=False)
+    with pytest.raises(ValueError, match=r"vary_path=0 is not allowed: it must be True or False"):
+        lanekeep_baselines.make("knightriders-park", scenario, vary_path=0)
+    with pytest.raises(ValueError, match=r"'knightriders-park-published' has no option 'vary_path'; allowed: none"):
+        lanekeep_baselines.make("knightriders-park-published", scenario, vary_path=False)
 
 
 def test_half_circles_give_the_servo_s_map_and_its_inverse():

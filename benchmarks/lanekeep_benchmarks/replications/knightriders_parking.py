@@ -1,4 +1,4 @@
-"""Team KnightRiders 2017, chapter 5: how long a gap must be for the report's parking and for the improved one."""
+"""Team KnightRiders 2017, chapter 5: how long a gap must be for the report's parking and for those after it."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ from lanekeep_benchmarks.replications.record import Replication, Row, Table
 #: Rows for each length; their seed is no other's.
 ROWS, SEED = 24, 20170515
 #: Lengths of the gap that is long enough, if any is, m.
-GAPS = (0.85, 0.9, 0.92, 0.95, 1.0, 1.1, 1.25, 1.5, 1.8, 2.2)
+GAPS = (0.6, 0.64, 0.68, 0.75, 0.85, 0.9, 0.92, 0.95, 1.0, 1.2, 1.5, 1.8, 2.2)
 NOISY: dict[str, Any] = {"sensors": "production", "encoder_ticks": 40}
 #: A start along the row, and wheels that go straight: the report's car corrects neither.
 EXACT: dict[str, Any] = {"steering_offset": 0.0, "start_heading_error": 0.0, "start_lateral_error": 0.0}
 #: What is compared: controller and keywords.
 CURVES: dict[str, tuple[str, dict[str, Any]]] = {
-    "improved": ("knightriders-park", {}),
-    "improved, noise": ("knightriders-park", NOISY),
+    "one sweep": ("knightriders-park", {}),
+    "one sweep, noise": ("knightriders-park", NOISY),
+    "several moves": ("knightriders-shunt", {}),
+    "several moves, noise": ("knightriders-shunt", NOISY),
     "published": ("knightriders-park-published", {}),
     "published, parallel start": ("knightriders-park-published", EXACT),
 }
@@ -33,7 +35,7 @@ CAR = (0.091, 0.532, 0.265, float(0.35 / np.tan(np.deg2rad(22.0))))
 
 def parked(policy: str, gap: float, rows: int, keywords: dict[str, Any]) -> float:
     """Return the share of random rows, whose longest gap is ``gap`` m, in which a controller parks."""
-    world = {"kind": "random-parking-rows", "count": rows, "seed": SEED, "longer": gap, "shorter": (0.1, 0.6)}
+    world = {"kind": "random-parking-rows", "count": rows, "seed": SEED, "longer": gap, "shorter": (0.1, 0.5)}
     env = gym.make_vec(
         "lanekeep/ParallelPark-v0", rows, vectorization_mode="vector_entry_point", world=world, scan="none", **keywords
     )
@@ -62,10 +64,10 @@ def parking(found: Replication) -> None:
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.subplots()
     for k, (label, values) in enumerate(shares.items()):
-        axes.plot(GAPS, values, marker="os^v"[k], color=colour_of(k), label=label)
+        axes.plot(GAPS, values, marker="os^vDX"[k], color=colour_of(k), label=label)
     axes.axvline(needed, color="#606060", linestyle="--", linewidth=1.0)
-    axes.annotate("shortest gap\nof one sweep", (needed, 50.0), xytext=(-6, 0), textcoords="offset points", ha="right")
-    axes.set(xlabel="length of the longest gap [m]", ylabel="parked [%]", ylim=(-4.0, 104.0), xlim=(0.7, None))
+    axes.annotate("shortest gap\nof one sweep", (needed, 50.0), xytext=(26, 0), textcoords="offset points", ha="left")
+    axes.set(xlabel="length of the longest gap [m]", ylabel="parked [%]", ylim=(-4.0, 104.0), xlim=(0.5, None))
     axes.grid(**GRID)
     axes.legend(loc="center right")
     found.pictures["parking_gaps.png"] = png(figure)

@@ -21,13 +21,13 @@ _NUMBERS, _SPACES, _INDEX = 9, 10, 11
 
 @helper
 def _set_mode(i, block, numbers):
-    """Write the mode of car i at its present step; return whether another one follows."""
+    """Write the mode of car i at its present step; return whether it begins there, and whether it is the last."""
     count, step = np.int64(numbers[at.C_MODES]), block[at.STEP, i]
     now = 0
     for k in range(1, count):
         now = k if numbers[at.C_MODES + 1 + 2 * k] <= step else now
     block[at.MODE, i] = numbers[at.C_MODES + 2 + 2 * now]
-    return now + 1 < count
+    return numbers[at.C_MODES + 1 + 2 * now] == step, now + 1 == count
 
 
 @helper
@@ -93,7 +93,7 @@ def _judge(k, cars, counters, world, settings, equipment, outcome):
         inside = _see_space(i, block, counted[at.ROAD, i], settings, equipment)
         stands = inside and parks and not touched and abs(block[at.SPEED, i]) < numbers[at.C_SPEED]
         block[at.PARKED, i] = block[at.PARKED, i] + one if stands else zero
-        follows = _set_mode(i, block, numbers)
+        begins, last = _set_mode(i, block, numbers)
         if parks:
             reward, ended = judge_parking(
                 block[at.SHARE, i],
@@ -109,8 +109,10 @@ def _judge(k, cars, counters, world, settings, equipment, outcome):
             told[at.O_TERMINATED, i] = ended
             if ended == like(zero, FINISHED):
                 block[at.LAP_TIME, i] = block[at.STEP, i] * seconds
-        if follows and told[at.O_TERMINATED, i] == like(zero, FINISHED):
+        # What was done in a mode counts for none that follows.
+        if (begins or not last) and told[at.O_TERMINATED, i] == like(zero, FINISHED):
             told[at.O_TERMINATED, i] = zero
+        block[at.PARKED, i] = zero if begins else block[at.PARKED, i]
 
 
 @helper

@@ -239,32 +239,62 @@ def test_wrong_modes_are_named(modes, words):
     assert "\n" not in str(caught.value) and all(word in str(caught.value) for word in words), str(caught.value)
 
 
-def test_a_car_that_stands_in_a_space_for_two_seconds_is_parked():
-    """Backwards from a start before it there is no way in; a gap as wide as the street is driven into forwards."""
-    world = {"kind": "parking-row", "gaps": (6.0,), "width": 0.1, "kerb": 0.002, "street": 1.0, "start_distance": 0.3}
-    env = gym.make(
-        PARK,
-        world=world,
-        scan="none",
-        steering_offset=0.0,
-        start_lateral_error=0.0,
-        start_heading_error=0.0,
-        kerb_distance=0.6,
-    )
+#: A gap as wide as the street, which is driven into forwards: backwards from a start before it there is no way in.
+WIDE_GAP = {
+    "world": {
+        "kind": "parking-row",
+        "gaps": (6.0,),
+        "width": 0.1,
+        "kerb": 0.002,
+        "street": 1.0,
+        "start_distance": 0.3,
+    },
+    "scan": "none",
+    "steering_offset": 0.0,
+    "start_lateral_error": 0.0,
+    "start_heading_error": 0.0,
+    "kerb_distance": 0.6,
+}
+
+
+def drive_into(env, speed):
+    """Drive forwards until 1 m into the space and stand there; yield whether it stands inside, the ends and infos."""
     (space,) = env.unwrapped.world_set()[0].spaces
+    _, info = env.reset(seed=0)
+    ended = False
+    while not ended:
+        middle = info["x"]
+        inside = space[0] + 0.3 < middle < space[0] + space[3] - 0.3
+        go = speed if middle < space[0] + 1.0 else 0.0
+        _, _, terminated, truncated, info = env.step(np.array([0.0, go], np.float32))
+        ended = terminated or truncated
+        yield inside and abs(info["speed"]) < 0.01, terminated, info
+
+
+def test_a_car_that_stands_in_a_space_for_two_seconds_is_parked():
+    env = gym.make(PARK, **WIDE_GAP)
     for speed, wanted in ((0.5, True), (0.0, False)):
-        _, info = env.reset(seed=0)
-        stood, ended = 0, False
-        while not ended:
-            middle = info["x"]
-            inside = space[0] + 0.3 < middle < space[0] + space[3] - 0.3
-            go = speed if middle < space[0] + 1.0 else 0.0
-            _, _, terminated, truncated, info = env.step(np.array([0.0, go], np.float32))
-            stood += inside and abs(info["speed"]) < 0.01
-            ended = terminated or truncated
+        steps = list(drive_into(env, speed))
+        _, terminated, info = steps[-1]
         assert (terminated, info["is_success"]) == (wanted, wanted)
         if wanted:
-            assert abs(stood * 0.045 - 2.0) <= 0.1 and info["space_share"] == pytest.approx(1.0)
+            assert abs(sum(stands for stands, *_ in steps) * 0.045 - 2.0) <= 0.1
+            assert info["space_share"] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("last", ["park", "roundtrip"])
+def test_what_was_done_in_a_mode_counts_for_none_that_follows(last):
+    """The car stands long before the last mode begins: parking begins anew in it, and a round trip is none."""
+    begins = 40.0
+    env = gym.make(PARK, modes=[(0.0, "park"), (begins, last)], **WIDE_GAP)
+    steps = list(drive_into(env, 0.5))
+    since = sum(stands for stands, *_ in steps[: int(begins / 0.045)])
+    assert since * 0.045 > 10.0
+    _, terminated, info = steps[-1]
+    assert (terminated, info["is_success"]) == (last == "park", last == "park")
+    if last == "park":
+        first = math.ceil(begins / 0.045)
+        assert len(steps) - first == env.unwrapped.scenario.parking_steps == math.ceil(2.0 / 0.045)
 
 
 def test_boxes_are_seen_and_touched():
