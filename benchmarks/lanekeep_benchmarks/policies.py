@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import uuid
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,11 +33,13 @@ class Entry:
         name: in result lines and tables.
         make: takes a scenario, gives the policy designed for it.
         sha256: of its file, or of the one with its code; None where the hash of the packages' sources tells it.
+        given: what it was made from, a text or somebody's object, by which another process has it too (`rebuilt`).
     """
 
     name: str
     make: Callable[[Any], Policy]
     sha256: str | None = None
+    given: Any = None
 
 
 def known_policies() -> tuple[str, ...]:
@@ -90,7 +92,7 @@ def entry_of(given: Any, code: bool = True) -> Entry:
     if not isinstance(given, str):
         return _handed_over(given)
     if code and is_code(given) and not given.endswith(FILE):
-        return _own(given, load_factory(given))
+        return _own(given, load_factory(given), given)
     if code and given.endswith(SOURCE):
         raise ValueError(
             f"policy {shown(given)} lacks the factory's name; allowed: {shown_path(given)}:NAME, a function or a class"
@@ -100,8 +102,8 @@ def entry_of(given: Any, code: bool = True) -> Entry:
     check_policy(given)
     registered = lanekeep_baselines.registered(given)
     if registered is not None:
-        return _own(given, registered)
-    return Entry(given, lambda scenario: make_policy(given, scenario), policy_digest(given))
+        return _own(given, registered, registered)
+    return Entry(given, lambda scenario: make_policy(given, scenario), policy_digest(given), given)
 
 
 def _handed_over(given: Any) -> Entry:
@@ -114,11 +116,16 @@ def _handed_over(given: Any) -> Entry:
         )
     name = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
     factory = (lambda scenario: given) if drives else given
-    return Entry(str(name), lambda scenario: Checked(str(name), factory, scenario), _code_of(given))
+    return replace(_own(str(name), factory, given), sha256=_code_of(given))
 
 
-def _own(name: str, factory: Callable[[Any], Any]) -> Entry:
-    return Entry(name, lambda scenario: Checked(name, factory, scenario), _code_of(factory))
+def rebuilt(name: str, given: Any) -> Entry:
+    """Return an entry again, in another process, from its ``name`` and what it was ``given``."""
+    return entry_of(given) if isinstance(given, str) else replace(_handed_over(given), name=name)
+
+
+def _own(name: str, factory: Callable[[Any], Any], given: Any) -> Entry:
+    return Entry(name, lambda scenario: Checked(name, factory, scenario), _code_of(factory), given)
 
 
 def _code_of(thing: Any) -> str:

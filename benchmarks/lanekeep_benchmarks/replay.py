@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 
-from lanekeep_benchmarks.evaluate import EpisodeResult
+from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.made import make_definitions
 from lanekeep_benchmarks.policies import Entry, entry_of
 from lanekeep_benchmarks.results import EPISODES, LARGEST_LINES, read_lines
@@ -65,7 +65,7 @@ def find_line(folder: Path, episode: int, scenario: str | None, policy: str | No
             f"a complete run has 0 to {record.episodes - 1}, this one may have been stopped"
         )
     where = f"suite {shown_path(record.suite_file or record.suite)}"
-    now = scenarios[name].hash(make_definitions(suite, where)[name].hash)
+    now = scenarios[name].hash(make_definitions(suite, where)[name].definition.hash)
     if now != line.scenario_hash:
         raise ValueError(
             f"scenario {name} is not the one of the run: its hash is {now}, the line says {shown(line.scenario_hash)}; "

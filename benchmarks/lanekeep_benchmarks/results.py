@@ -8,12 +8,14 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 
-from lanekeep_benchmarks.evaluate import EpisodeResult
+from lanekeep_benchmarks.evaluate import Driven
+from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.run_record import ANEW, RUN, RunRecord, another_run, told
 from lanekeep_benchmarks.traces import FOLDER
 from lanekeep_env.files import locked, open_to_append, read_bounded, require_ordinary, write_atomic
@@ -52,6 +54,35 @@ def read_lines(content: bytes) -> Iterator[tuple[int, EpisodeResult]]:
                 raise ValueError(f"line {number} is not a result line ({error})") from None
         elif line.strip(b"\0") and not line.startswith(_BEGINNING[: len(line)]):
             raise ValueError(f"line {number} is not the beginning of a result line")
+
+
+def written(folder: ResultFolder, batches: Iterable[Driven]) -> Iterator[list[EpisodeResult]]:
+    """Write what is driven while the next is being driven; yield the lines that are on disk.
+
+    The steps of a batch are on disk before its lines are.
+    """
+
+    def write(driven: Driven) -> list[EpisodeResult]:
+        if driven.trace is not None:
+            name, content = driven.trace
+            folder.write(name, content())
+        folder.append(driven.results)
+        return driven.results
+
+    with ThreadPoolExecutor(1, "writer") as writer:
+        before: Future[list[EpisodeResult]] | None = None
+        try:
+            for driven in batches:
+                now = writer.submit(write, driven)
+                if before is not None:
+                    yield before.result()
+                before = now
+        finally:
+            # Whatever ends the run, what has been driven is kept.
+            if before is not None:
+                lines = before.result()
+        if before is not None:
+            yield lines
 
 
 class ResultFolder:

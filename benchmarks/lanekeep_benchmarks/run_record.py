@@ -14,7 +14,8 @@ from typing import Any
 import lanekeep_agents
 import lanekeep_baselines
 import lanekeep_env
-from lanekeep_benchmarks.evaluate import EpisodeResult, check_kinds, episode_seed, require_mapping
+from lanekeep_benchmarks.evaluate import episode_seed
+from lanekeep_benchmarks.lines import EpisodeResult, check_kinds, require_mapping
 from lanekeep_env.checks import from_mapping, require, shown
 from lanekeep_env.files import read_bounded
 from lanekeep_env.plain import parse_json
@@ -31,7 +32,7 @@ ANEW = "name another folder, or start anew there with --overwrite instead of --r
 #: What to do where a field differs. Options that are left out are those of the run in the folder.
 _ADVICE = {
     "version": "install that version",
-    "code": "restore lanekeep_env, lanekeep_baselines, lanekeep_agents and evaluate.py as they were when the run began",
+    "code": "restore lanekeep_env, lanekeep_baselines, lanekeep_agents, evaluate.py and metrics.py as the run had them",
     "suite": "leave the suite and --road out, and its file as it was when the run began",
     "policies": "leave --policies out",
     "episodes": "leave --episodes out",
@@ -49,7 +50,9 @@ Difference = tuple[str, Any, Any]
 @cache
 def code_hash() -> str:
     """Hash of the sources that make result lines, 16 hexadecimal digits: an edit leaves the version as it is."""
-    digest = hashlib.sha256(Path(__file__).with_name("evaluate.py").read_bytes())
+    digest = hashlib.sha256()
+    for own in ("evaluate.py", "metrics.py"):
+        digest.update(Path(__file__).with_name(own).read_bytes())
     for package in (lanekeep_env, lanekeep_baselines, lanekeep_agents):
         folder = Path(package.__path__[0])
         for file in sorted(folder.rglob("*.py")):

@@ -8,29 +8,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 import lanekeep_env
 from lanekeep_benchmarks import plots
-from lanekeep_benchmarks.evaluate import (
-    EpisodeResult,
-    Policy,
-    episode_seed,
-    evaluate,
-    make_cars,
-    metric_names,
-    record,
-)
+from lanekeep_benchmarks.engines import Engine, Work, drive_all
+from lanekeep_benchmarks.evaluate import Policy, batches, episode_seed, make_cars, record
+from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.made import make_definitions, policies_of
 from lanekeep_benchmarks.own_code import is_code
 from lanekeep_benchmarks.policies import FILE, Entry, entry_of
 from lanekeep_benchmarks.report import markdown
-from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder, default_folder
+from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder, default_folder, written
 from lanekeep_benchmarks.run_record import MOST_EPISODES, RunRecord, code_hash
 from lanekeep_benchmarks.suites import ENDING, Suite, find_suite, road_suite
 from lanekeep_benchmarks.summary import rows_of, summarise
-from lanekeep_benchmarks.traces import Trace, file_name
 from lanekeep_env.checks import require, shown, shown_path
 from lanekeep_env.scenario import RoadScenario
 
@@ -46,6 +36,7 @@ class Plan:
     road: Path | None
     suite_file: str | None = None
     trace: bool = False
+    engine: Engine = field(default_factory=Engine)
     scenario_hash: dict[str, str] = field(default_factory=dict)
     policy_sha256: dict[str, str] = field(default_factory=dict)
     metrics: dict[str, list[str]] = field(default_factory=dict)
@@ -159,7 +150,8 @@ def make_plan(
         chosen = find_suite(suite or "classical") if road is None else road_suite(road)
     file = suite if isinstance(suite, str) and suite.endswith(ENDING) else None
     where = f"suite {shown_path(file or chosen.name)}"
-    definitions = make_definitions(chosen, where)
+    made = make_definitions(chosen, where)
+    definitions = {name: one.definition for name, one in made.items()}
     if policies is None:
         entries = [entry_of(name, code=False) for name in policies_of(chosen, definitions.values(), where)]
     else:
@@ -176,7 +168,7 @@ def make_plan(
     for scenario in chosen.scenarios:
         definition = definitions[scenario.name]
         plan.scenario_hash[scenario.name] = scenario.hash(definition.hash)
-        plan.metrics[scenario.name] = list(metric_names(hasattr(definition, "laps")))
+        plan.metrics[scenario.name] = list(made[scenario.name].metrics)
         for name in names:
             try:
                 plan.policy(name, scenario.policies_scenario(definition))
@@ -187,27 +179,19 @@ def make_plan(
 
 
 def drive(plan: Plan, folder: ResultFolder) -> Iterator[tuple[str, int]]:
-    """Drive what has no result yet, each line on disk as its chunk ends; yield (what was driven, how many)."""
-
-    def keep(trace: Trace, scenario: str, policy: str, episodes: NDArray[np.int64], failed: NDArray[np.bool_]) -> None:
-        kept = np.ones_like(failed) if plan.trace else failed
-        if kept.any():
-            name = file_name(scenario, policy, int(episodes[0]))
-            folder.write(name, trace.parquet(scenario, policy, episodes, kept))
-
-    batches = evaluate(
-        plan.suite,
-        plan.policies,
-        plan.policy,
-        episodes=plan.episodes,
-        seed=plan.seed,
-        done={result.place for result in plan.results},
-        keep_trace=keep,
+    """Drive what has no result yet; yield (what was driven, how many) when it is on disk."""
+    done = {result.place for result in plan.results}
+    work = Work(
+        plan.suite.name,
+        plan.seed,
+        "all" if plan.trace else "failed",
+        {name: entry.given for name, entry in plan.entries.items()},
+        plan.policy_sha256,
     )
-    for batch in batches:
-        folder.append(batch)
-        plan.results += batch
-        yield f"{batch[0].scenario}: {batch[0].policy}", len(batch)
+    missing = batches(plan.suite, plan.policies, plan.episodes, done)
+    for lines in written(folder, drive_all(plan.engine, work, missing, plan.policy)):
+        plan.results += lines
+        yield f"{lines[0].scenario}: {lines[0].policy}", len(lines)
 
 
 def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lanekeep_benchmarks.evaluate import EpisodeResult
+from lanekeep_benchmarks.lines import EpisodeResult
+from lanekeep_benchmarks.metrics import METRICS, metrics_of
 from lanekeep_benchmarks.report import caption, cells, headings, markdown, terminal_table
 from lanekeep_benchmarks.results import EPISODES, SUMMARY, ResultFolder
 from lanekeep_benchmarks.run_record import RUN, RunRecord
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
-from lanekeep_benchmarks.summary import COLUMNS, rows_of, summarise
+from lanekeep_benchmarks.summary import rows_of, summarise
 from lanekeep_env.files import write_atomic
 
 SUITE = Suite(
@@ -25,8 +26,13 @@ SUITE = Suite(
 )
 RECORD = RunRecord("0.1.0", "c" * 16, "made-up", None, ["a", "b"], 20, 0, {"scenario": "0" * 16})
 
-#: Where no laps are driven.
-ERRORS = tuple(column for column in COLUMNS if column.key != "lap_time")
+#: Where lanes are kept.
+ERRORS = tuple(
+    METRICS[key]
+    for key in metrics_of(
+        "lanekeep/LaneKeep-v0", ["lateral_error", "heading_error", *("lateral_acceleration", "steering_rate")]
+    )
+)
 
 
 def line(policy, episode, error, failed=False):
@@ -146,7 +152,7 @@ def test_marks_say_who_wins():
     a, b, c = summarise(SUITE, lines, ["a", "b", "c"])["scenarios"][0]["policies"]
     assert a["verdict"] is None
     worse = {column.key: "worse" for column in ERRORS}
-    assert b["verdict"] == worse | {"return": "better", "failure_rate": "better"}
+    assert b["verdict"] == worse | {"return": "better", "time": "better", "failure_rate": "better"}
     assert b["difference_to_reference"]["failure_rate"]["value"] == -0.5
     assert set(c["verdict"].values()) == {"tie"}
     marks = [value[-2:] for value, _ in cells(b, ERRORS)]
