@@ -110,6 +110,9 @@ def bench(
     trace: Annotated[
         bool, typer.Option("--trace", help="Keep every step of every episode; those of failed ones are kept always.")
     ] = False,
+    engine: Annotated[str, typer.Option(help="What drives: serial, processes or ray.")] = "serial",
+    workers: Annotated[int | None, typer.Option(help="Processes; default: one a processor.")] = None,
+    address: Annotated[str | None, typer.Option(help="Of a Ray cluster; default: one for this run.")] = None,
     as_json: Json = False,
 ) -> None:
     """Compare policies on identical episodes: table, result lines, plots.
@@ -117,13 +120,25 @@ def bench(
     Example: lanekeep bench --policies pd,yin-lqr-observer --road my_track.csv --out results/my_track
 
     A killed run goes on where it stopped: lanekeep bench --resume --out results/my_track
+
+    On several processors: lanekeep bench --engine processes --workers 4
     """
     from lanekeep_benchmarks import runs
+    from lanekeep_benchmarks.engines import Engine
     from lanekeep_benchmarks.report import caption, terminal_table
 
     with input_errors():
         plan, folder = runs.open_run(
-            suite, _listed(policies), road, episodes, seed, out=out, overwrite=overwrite, resume=resume, trace=trace
+            suite,
+            _listed(policies),
+            road,
+            episodes,
+            seed,
+            out=out,
+            overwrite=overwrite,
+            resume=resume,
+            trace=trace,
+            engine=Engine(engine, workers, address),
         )
     how = f"; to complete the run: lanekeep bench --resume --out {shlex.quote(str(folder.path))}"
     if resume:

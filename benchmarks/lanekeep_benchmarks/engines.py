@@ -11,6 +11,7 @@ import os
 import pickle
 import signal
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -19,6 +20,7 @@ from itertools import islice
 from typing import Any
 
 from lanekeep_benchmarks.evaluate import Batch, Driven, Driver, MakePolicy, Policy
+from lanekeep_benchmarks.lines import Place
 from lanekeep_benchmarks.policies import Entry, rebuilt
 from lanekeep_env.checks import choose, require
 
@@ -66,7 +68,7 @@ def drive_all(engine: Engine, work: Work, batches: Iterable[Batch], make_policy:
     """Yield what becomes of the batches, in whatever order they end; ``make_policy`` serves this process.
 
     Raises:
-        ValueError: a policy cannot go to another process, or its code fails there.
+        ValueError: a policy's code fails.
         ChildProcessError: a worker died again and again with the same batch.
     """
     if engine.kind == "serial":
@@ -75,22 +77,22 @@ def drive_all(engine: Engine, work: Work, batches: Iterable[Batch], make_policy:
             yield driver.drive(batch)
         driver.close()
         return
-    for name, given in work.given.items():
-        _check_travels(name, given)
     if engine.kind == "processes":
         yield from _processes(work, iter(batches), engine.workers or os.cpu_count() or 1)
     else:
         yield from _on_ray(work, iter(batches), engine.address)
 
 
-def _check_travels(name: str, given: Any) -> None:
-    try:
-        pickle.dumps(given)
-    except Exception as error:
-        raise ValueError(
-            f"policy {name!r} cannot go to another process ({' '.join(str(error).split())}); name it as "
-            "module:factory or path/to/file.py:factory, or leave --engine out"
-        ) from None
+def check_travels(engine: Engine, policies: Mapping[str, Any]) -> None:
+    """Raise ValueError where a policy, given as `policies.Entry` has it, cannot go where the engine drives."""
+    for name, given in policies.items() if engine.kind != "serial" else ():
+        try:
+            pickle.dumps(given)
+        except Exception as error:
+            raise ValueError(
+                f"policy {name!r} cannot go to another process ({' '.join(str(error).split())}); name it as "
+                "module:factory or path/to/file.py:factory, or leave --engine out"
+            ) from None
 
 
 #: The driver of this worker, and the work that it is for.
@@ -150,7 +152,7 @@ def _begin() -> None:
 
 
 def _processes(work: Work, batches: Iterator[Batch], workers: int) -> Iterator[Driven]:
-    tries: dict[Batch, int] = {}
+    tries: Counter[Place] = Counter()
     again: list[Batch] = []
     while True:
         pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin)
@@ -178,8 +180,8 @@ def _processes(work: Work, batches: Iterator[Batch], workers: int) -> Iterator[D
         # All that ran are driven anew, whichever worker died; a batch that is there each time may be why.
         again += [batch for batch in running.values() if batch not in again]
         for batch in again:
-            tries[batch] = tries.get(batch, 0) + 1
-            if tries[batch] == TRIES:
+            tries[batch.place] += 1
+            if tries[batch.place] == TRIES:
                 raise ChildProcessError(
                     f"a worker died {TRIES} times while {batch.policy} drove {batch.scenario.name}, episodes "
                     f"{batch.numbers[0]} to {batch.numbers[-1]}: out of memory, or killed"

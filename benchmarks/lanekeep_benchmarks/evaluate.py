@@ -102,6 +102,11 @@ class Batch:
     numbers: range
     missing: frozenset[int]
 
+    @property
+    def place(self) -> Place:
+        """What tells the batch from the others of its run: that of its first episode."""
+        return self.scenario.name, self.policy, self.numbers[0]
+
 
 class Driven(NamedTuple):
     """What became of a batch: its missing lines, and the name and content of a file of steps where some are kept.

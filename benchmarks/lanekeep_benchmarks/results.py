@@ -62,27 +62,30 @@ def written(folder: ResultFolder, batches: Iterable[Driven]) -> Iterator[list[Ep
     The steps of a batch are on disk before its lines are.
     """
 
+    failed = False
+
     def write(driven: Driven) -> list[EpisodeResult]:
+        nonlocal failed
+        if failed:  # a full disk: what comes after is driven again, too
+            return []
+        failed = True
         if driven.trace is not None:
             name, content = driven.trace
             folder.write(name, content())
         folder.append(driven.results)
+        failed = False
         return driven.results
 
     with ThreadPoolExecutor(1, "writer") as writer:
+        # Whatever ends the run, the writer ends what it has begun.
         before: Future[list[EpisodeResult]] | None = None
-        try:
-            for driven in batches:
-                now = writer.submit(write, driven)
-                if before is not None:
-                    yield before.result()
-                before = now
-        finally:
-            # Whatever ends the run, what has been driven is kept.
+        for driven in batches:
+            now = writer.submit(write, driven)
             if before is not None:
-                lines = before.result()
+                yield before.result()
+            before = now
         if before is not None:
-            yield lines
+            yield before.result()
 
 
 class ResultFolder:

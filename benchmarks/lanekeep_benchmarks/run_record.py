@@ -158,8 +158,8 @@ class RunRecord:
         }
         pairs = [(name, getattr(line, name), value) for name, value in wanted.items() if getattr(line, name) != value]
         metrics = self.metrics.get(line.scenario, ())
-        pairs += [(f"metrics.{name}", "missing", "a number") for name in metrics if name not in line.metrics]
-        return pairs + [(f"metrics.{name}", "a number", "none") for name in line.metrics if name not in metrics]
+        pairs += [(f"metrics.{name}", "a number", "none") for name in line.metrics if name not in metrics]
+        return pairs + [(f"metrics.{name}", "missing", "a number") for name in metrics if name not in line.metrics]
 
 
 def _text(name: str, value: Any) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import lanekeep_env
 from lanekeep_benchmarks import plots
-from lanekeep_benchmarks.engines import Engine, Work, drive_all
+from lanekeep_benchmarks.engines import Engine, Work, check_travels, drive_all
 from lanekeep_benchmarks.evaluate import Policy, batches, episode_seed, make_cars, record
 from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.made import make_definitions, policies_of
@@ -90,6 +90,7 @@ def open_run(
     overwrite: bool = False,
     resume: bool = False,
     trace: bool = False,
+    engine: Engine | None = None,
 ) -> tuple[Plan, ResultFolder]:
     """Read the options and open the folder; what a resumed run has driven already is in the plan's results.
 
@@ -112,7 +113,8 @@ def open_run(
             f"--out {out} holds no run to resume; name its folder, or a SUITE or --road to start one there"
         )
     plan = make_plan(suite, policies, road, episodes, 0 if seed is None else seed)
-    plan.trace = trace
+    plan.trace, plan.engine = trace, engine or Engine()
+    check_travels(plan.engine, {name: entry.given for name, entry in plan.entries.items()})
     folder = ResultFolder(out or default_folder(plan.suite.name), plan.record, overwrite, resume)
     plan.results += folder.earlier
     return plan, folder

@@ -22,6 +22,8 @@ RESAMPLES = 10_000
 BOOTSTRAP_FROM = 5
 #: Episodes below which no difference is called better or worse.
 MARKS_FROM = 10
+#: A ratio of the studentised bootstrap as large stands for a resample of equal values.
+_NO_SPREAD = 1e3
 
 
 @dataclass(frozen=True)
@@ -138,12 +140,14 @@ def studentised_means(
         variance = drawn @ (centred * centred) - mean * mean
         variance[variance < 1e-12 * error**2] = 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratios.append(mean / np.sqrt(variance / (len(values) - 1)))
+            ratio = mean / np.sqrt(variance / (len(values) - 1))
+        ratios.append(np.clip(np.nan_to_num(ratio, nan=2 * _NO_SPREAD), -2 * _NO_SPREAD, 2 * _NO_SPREAD))
     tail = (1 - confidence) / 2
-    low, high = np.quantile(np.nan_to_num(np.concatenate(ratios), nan=math.inf), [tail, 1 - tail], axis=0)
+    low, high = np.quantile(np.concatenate(ratios), [tail, 1 - tail], axis=0)
+    some = spread & (np.maximum(-low, high) < _NO_SPREAD)
     return [
-        Interval(float(m), float(m - b * e), float(m - a * e)) if some and np.isfinite([a, b]).all() else student
-        for m, a, b, e, some, student in zip(means, low, high, error, spread, plain, strict=True)
+        Interval(float(m), float(m - b * e), float(m - a * e)) if use else student
+        for m, a, b, e, use, student in zip(means, low, high, error, some, plain, strict=True)
     ]
 
 

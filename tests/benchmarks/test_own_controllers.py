@@ -216,7 +216,7 @@ def test_what_has_no_source_is_never_resumed(folder):
 @pytest.mark.parametrize("rows", [1, 2])
 def test_lines_do_not_depend_on_the_rows(folder, monkeypatch, rows):
     assert main(["bench", "short", "--policies", "mine.py:Mine,mine.py:alone", "--out", "all"]) == 0
-    monkeypatch.setattr("lanekeep_benchmarks.evaluate.evaluate.__kwdefaults__", {"cars": rows, "done": frozenset()})
+    monkeypatch.setattr("lanekeep_benchmarks.evaluate.CARS", rows)
     assert main(["bench", "short", "--policies", "mine.py:Mine,mine.py:alone", "--out", "few"]) == 0
     assert lines(folder / "all") == lines(folder / "few")
 

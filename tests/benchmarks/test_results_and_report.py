@@ -90,7 +90,7 @@ def test_tables_show_every_policy_and_number(results):
     assert {row.count("|") for row in rows} == {len(headings(ERRORS, "a")) + 1}
     assert "+0.100<br>+0.100…+0.100" in rows[-1]
     assert re.search(r"\| 5\.0<br>0\.9…23\.6 \|", rows[-1])
-    table = terminal_table(summary["scenarios"][0], "a", 160)
+    table = terminal_table(summary["scenarios"][0], "a", 260)
     assert table.row_count == 2
     assert len(table.columns) == len(headings(ERRORS, "a"))
 
