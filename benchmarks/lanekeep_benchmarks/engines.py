@@ -6,6 +6,7 @@ A batch has the same cars everywhere, and a car depends on its own seed only: re
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import pickle
@@ -16,6 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from importlib.util import find_spec
 from itertools import islice
 from typing import Any
 
@@ -49,8 +51,8 @@ class Engine:
         for option, value, kind in (("--workers", self.workers, "processes"), ("--address", self.address, "ray")):
             if value is not None and self.kind != kind:
                 raise ValueError(f"{option} {value} has no effect with --engine {self.kind}; it is for --engine {kind}")
-        if self.kind == "ray":
-            import ray  # noqa: F401
+        if self.kind == "ray" and find_spec("ray") is None:
+            raise ImportError('--engine ray needs ray, which is not installed; pip install "lanekeep[ray]"')
 
 
 @dataclass(frozen=True)
@@ -189,11 +191,17 @@ def _processes(work: Work, batches: Iterator[Batch], workers: int) -> Iterator[D
 
 
 def _on_ray(work: Work, batches: Iterator[Batch], address: str | None) -> Iterator[Driven]:
+    logging.getLogger("ray").setLevel(logging.ERROR)
     import ray
 
     ours = not ray.is_initialized()
     if ours:
-        ray.init(address=address, include_dashboard=False if address is None else None, log_to_driver=False)
+        ray.init(
+            address=address,
+            include_dashboard=False if address is None else None,
+            log_to_driver=False,
+            logging_level="ERROR",
+        )
     try:
         # Ray itself starts a task again whose worker or node has died.
         task: Callable[..., Any] = ray.remote(num_cpus=1, max_retries=TRIES - 1)(_drive).remote
