@@ -64,8 +64,9 @@ def parking(found: Replication) -> None:
     for k, (label, values) in enumerate(shares.items()):
         axes.plot(GAPS, values, marker="os^v"[k], color=colour_of(k), label=label)
     axes.axvline(needed, color="#606060", linestyle="--", linewidth=1.0)
-    axes.annotate("shortest gap\nof one sweep", (needed, 50.0), xytext=(-6, 0), textcoords="offset points", ha="right")
-    axes.set(xlabel="length of the longest gap [m]", ylabel="parked [%]", ylim=(-4.0, 104.0), xlim=(0.7, None))
+    axes.annotate("shortest gap\nof one sweep", (needed, 50.0), xytext=(-6, 0), textcoords="offset points", ha="right",
+                  fontsize=8)  # fmt: skip
+    axes.set(xlabel="length of the longest gap [m]", ylabel="parked [%]", ylim=(-4.0, 104.0), xlim=(0.6, None))
     axes.grid(**GRID)
-    axes.legend(loc="center right")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False, fontsize=8)
     found.pictures["parking_gaps.png"] = png(figure)
