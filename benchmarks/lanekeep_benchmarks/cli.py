@@ -17,15 +17,19 @@ import lanekeep_env
 from lanekeep_benchmarks.check import commands as check
 from lanekeep_benchmarks.console import console, progress
 from lanekeep_benchmarks.endings import (
+    ClosedOutput,
     Interrupted,
     disk_errors,
     input_errors,
     interruptible,
     one_line,
+    open_output,
     own_errors,
+    plain_warnings,
     short,
 )
 from lanekeep_benchmarks.envs_command import envs
+from lanekeep_benchmarks.export_command import export
 from lanekeep_benchmarks.new_command import new
 from lanekeep_benchmarks.play_command import POLICY, play_command
 from lanekeep_benchmarks.replications import WORKS
@@ -58,6 +62,7 @@ def _everything(
 
 
 app.command()(envs)
+app.command()(export)
 app.command(name="play")(play_command)
 app.command()(train)
 app.command()(zoo)
@@ -73,9 +78,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code. Wrong usage and Ctrl-C are one line on stderr."""
     advice = ""
     try:
-        code = app(args=arguments, prog_name="lanekeep", standalone_mode=False)
+        with plain_warnings(), open_output():
+            code = app(args=arguments, prog_name="lanekeep", standalone_mode=False)
     except Interrupted as interrupted:
         code, advice = 130, str(interrupted)
+    except ClosedOutput:
+        print("lanekeep: what reads the output was closed before its end", file=sys.stderr)
+        return 1
     except typer.Abort:
         code = 130
     except Exception as error:
@@ -100,6 +109,7 @@ def bench(
         str | None, typer.Option(help=f"{POLICY}, comma-separated; the first is the reference.")
     ] = None,
     road: Annotated[Path | None, typer.Option(help="CSV centre line (x, y in m) to drive instead of a suite.")] = None,
+    smoothing: Annotated[float | None, typer.Option(help="How far its points scatter, m; default: estimated.")] = None,
     episodes: Annotated[int | None, typer.Option(help="Episodes for each scenario; default: the suite's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Another seed, other episodes; default: 0.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; default: results/SUITE-TIME.")] = None,
@@ -139,12 +149,13 @@ def bench(
             resume=resume,
             trace=trace,
             engine=Engine(engine, workers, address),
+            smoothing=smoothing,
         )
     how = f"; to complete the run: lanekeep bench --resume --out {shlex.quote(str(folder.path))}"
     if resume:
         torn = ", a torn last line was dropped" if folder.torn else ""
         print(f"lanekeep: {len(plan.results)} of {plan.total} episodes are in {folder.path}{torn}", file=sys.stderr)
-    with interruptible(how), own_errors(), disk_errors(how), folder, progress() as bar:
+    with interruptible(how), own_errors(how), disk_errors(how), folder, progress() as bar:
         task = bar.add_task("driving", total=plan.total, completed=len(plan.results))
         for name, count in runs.drive(plan, folder):
             bar.update(task, advance=count, description=name)

@@ -136,15 +136,18 @@ def seeds_rows(repeats: int, generator: np.random.Generator) -> Iterator[Row]:
                 hits += _held([seeds_mean(ours, (road + generator.normal(size=64))[None])], 1.0)
             found.append(100.0 * hits / repeats)
         yield Row("difference over seeds", f"seeds spread {spread:g}", SEEDS, tuple(found))
-    for scenarios in (1, 5):
-        found = []
-        for seeds in SEEDS:
-            hits = 0
-            for _ in range(repeats):
-                ours, theirs = generator.normal(0.5, 1.0, (seeds, scenarios)), generator.normal(size=(seeds, scenarios))
-                hits += _held([probability_of_improvement(ours, theirs, generator, 400)], _IMPROVES)
-            found.append(100.0 * hits / repeats)
-        yield Row("probability of improvement", f"{scenarios} scenario{'s' * (scenarios > 1)}", SEEDS, tuple(found))
+    for kind, few in (("placements", 10**6), ("stratified bootstrap", 0)):
+        for scenarios in (1, 5):
+            found = []
+            for seeds in SEEDS:
+                hits = 0
+                for _ in range(repeats):
+                    size = (seeds, scenarios)
+                    ours, theirs = generator.normal(0.5, 1.0, size), generator.normal(size=size)
+                    hits += _held([probability_of_improvement(ours, theirs, generator, 400, few)], _IMPROVES)
+                found.append(100.0 * hits / repeats)
+            what = f"{scenarios} scenario{'s' * (scenarios > 1)}"
+            yield Row(f"probability of improvement, {kind}", what, SEEDS, tuple(found))
 
 
 #: P(X > Y) of normal scores half a standard deviation apart.

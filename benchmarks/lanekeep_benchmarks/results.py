@@ -26,6 +26,8 @@ TABLE = "summary.md"
 #: Bytes beyond which result lines are not read: `MOST_EPISODES` with policies named by long paths, a line alone.
 LARGEST_LINES = 1 << 29
 LONGEST_LINE = 1 << 16
+#: How differences of policies begin.
+_HASH = "policy_sha256 of "
 #: What every result line begins with.
 _BEGINNING = b'{"suite": "'
 
@@ -112,7 +114,10 @@ class ResultFolder:
         self._open = ExitStack()
         try:
             self._open.enter_context(locked(path))
-            if self._files() and not overwrite and not resume:
+            files = self._files()
+            # What ended before its first line has left nothing to lose.
+            overwrite = overwrite or not (resume or self._holds_results())
+            if files and not overwrite and not resume:
                 raise ValueError(
                     f"--out {path} already holds results; name another folder, or pass --resume to complete them or"
                     " --overwrite to replace them"
@@ -133,6 +138,11 @@ class ResultFolder:
         require_ordinary(*found, *self.path.glob("plot_*.png"), *self.path.glob(f"{FOLDER}/*.parquet"))
         return found
 
+    def _holds_results(self) -> bool:
+        lines = self.path / EPISODES
+        whole = any(os.path.lexists(self.path / name) for name in (SUMMARY, TABLE))
+        return whole or (os.path.lexists(lines) and lines.stat().st_size > 0)
+
     def _take_up(self, record: RunRecord) -> int:
         """Read what a run left, all of which must be of this run; return how many bytes of lines are whole."""
         file = self.path / EPISODES
@@ -144,7 +154,10 @@ class ResultFolder:
         found = RunRecord.read(self.path)
         if found is None and whole:
             raise ValueError(f"--out {self.path} holds result lines, but no {RUN} that says of which run; {ANEW}")
-        if found is not None and (differences := record.differences(found)):
+        differences = [] if found is None else record.differences(found)
+        # A controller that failed before its first line may have been mended since.
+        mended = {name.removeprefix(_HASH) for name, _, _ in differences if name.startswith(_HASH)}
+        if len(mended) < len(differences):
             raise another_run(self.path, differences)
         places = set()
         try:
@@ -157,6 +170,8 @@ class ResultFolder:
                 self.earlier.append(line)
         except ValueError as error:
             raise ValueError(f"{file} {error}; {ANEW}") from None
+        if mended & {line.policy for line in self.earlier}:
+            raise another_run(self.path, differences)
         self.torn = len(content) > whole
         return whole
 

@@ -66,7 +66,7 @@ class RunRecord:
 
     ``road`` and ``suite_file`` are paths of files, None where the package's own is driven; ``policy_sha256`` tells
     learned policies and own code from others of their name; ``metrics`` has the names of those of each scenario;
-    ``trace`` keeps the steps of all episodes, not only of those that failed.
+    ``smoothing`` is that of the road, m. ``trace`` keeps the steps of all episodes, not only of those that failed.
     """
 
     version: str
@@ -81,6 +81,7 @@ class RunRecord:
     metrics: Mapping[str, Sequence[str]] = field(default_factory=dict)
     suite_file: str | None = None
     trace: bool = False
+    smoothing: float | None = None
 
     def to_json(self) -> str:
         """The content of `run.json`."""
@@ -124,6 +125,7 @@ class RunRecord:
             path = getattr(self, name)
             if not (path is None or isinstance(path, str)):
                 raise ValueError(f"{name}={shown(path)} is not allowed: it must be a path or null")
+        require("smoothing", self.smoothing, "m", at_least=0.0, at_most=100.0, optional=True)
         _texts("policies", self.policies)
         for name, kind in (("scenario_hash", _text), ("policy_sha256", _text), ("metrics", _texts)):
             require_mapping(name, getattr(self, name))

@@ -39,6 +39,7 @@ class Plan:
     episodes: int
     seed: int
     road: Path | None
+    smoothing: float | None = None
     suite_file: str | None = None
     trace: bool = False
     engine: Engine = field(default_factory=Engine)
@@ -81,6 +82,7 @@ class Plan:
             metrics=self.metrics,
             suite_file=self.suite_file,
             trace=self.trace,
+            smoothing=self.smoothing,
         )
 
 
@@ -96,6 +98,7 @@ def open_run(
     resume: bool = False,
     trace: bool = False,
     engine: Engine | None = None,
+    smoothing: float | None = None,
 ) -> tuple[Plan, ResultFolder]:
     """Read the options and open the folder; what a resumed run has driven already is in the plan's results.
 
@@ -109,6 +112,7 @@ def open_run(
     if resume and out is not None and (found := RunRecord.read(out)) is not None:
         if suite is None and road is None:
             suite, road = (found.suite_file or found.suite, None) if found.road is None else (None, Path(found.road))
+            smoothing = found.smoothing if smoothing is None else smoothing
         policies = _named_in(found) if policies is None else policies
         episodes = found.episodes if episodes is None else episodes
         seed = found.seed if seed is None else seed
@@ -117,7 +121,7 @@ def open_run(
         raise ValueError(
             f"--out {out} holds no run to resume; name its folder, or a SUITE or --road to start one there"
         )
-    plan = make_plan(suite, policies, road, episodes, 0 if seed is None else seed)
+    plan = make_plan(suite, policies, road, episodes, 0 if seed is None else seed, smoothing)
     plan.trace, plan.engine = trace, engine or Engine()
     check_travels(plan.engine, {name: entry.given for name, entry in plan.entries.items()})
     folder = ResultFolder(out or default_folder(plan.suite.name), plan.record, overwrite, resume)
@@ -137,7 +141,12 @@ def _named_in(record: RunRecord) -> tuple[str, ...]:
 
 
 def make_plan(
-    suite: str | Suite | None, policies: Sequence[Any] | None, road: Path | None, episodes: int | None, seed: int
+    suite: str | Suite | None,
+    policies: Sequence[Any] | None,
+    road: Path | None,
+    episodes: int | None,
+    seed: int,
+    smoothing: float | None = None,
 ) -> Plan:
     """Read the options; build everything once, so that nothing is driven before all of it is known to work.
 
@@ -151,10 +160,12 @@ def make_plan(
     require("--seed", seed, "", at_least=0, whole=True)
     if suite is not None and road is not None:
         raise ValueError(f"suite {shown(suite)} and --road {road} exclude each other; give one of them")
+    if smoothing is not None and road is None:
+        raise ValueError(f"--smoothing {smoothing} has no effect without --road, whose points it smooths")
     if isinstance(suite, Suite):
         chosen = suite
     else:
-        chosen = find_suite(suite or "classical") if road is None else road_suite(road)
+        chosen = find_suite(suite or "classical") if road is None else road_suite(road, smoothing)
     file = suite if isinstance(suite, str) and suite.endswith(ENDING) else None
     where = f"suite {shown_path(file or chosen.name)}"
     made = make_definitions(chosen, where)
@@ -166,7 +177,9 @@ def make_plan(
     names = [entry.name for entry in entries]
     if not names or len(set(names)) < len(names):
         raise ValueError(f"policies {shown(', '.join(names))} are not allowed: one or more with different names")
-    plan = Plan(chosen, dict(zip(names, entries, strict=True)), episodes or chosen.episodes, seed, road, file)
+    plan = Plan(
+        chosen, dict(zip(names, entries, strict=True)), episodes or chosen.episodes, seed, road, smoothing, file
+    )
     if plan.total > MOST_EPISODES:
         raise ValueError(
             f"--episodes {plan.episodes} is not allowed: over {len(chosen.scenarios)} scenarios and {len(names)} "

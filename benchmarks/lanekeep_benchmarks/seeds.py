@@ -10,11 +10,15 @@ from numpy.typing import NDArray
 from lanekeep_benchmarks.statistics import CONFIDENCE, RESAMPLES, Interval, wilson
 
 #: Runs, over all scenarios, below which the bootstrap over runs is too narrow.
-FEW_RUNS = 25
+FEW_RUNS = 30
 
 
 def probability_of_improvement(
-    ours: NDArray[np.float64], theirs: NDArray[np.float64], generator: np.random.Generator, resamples: int = RESAMPLES
+    ours: NDArray[np.float64],
+    theirs: NDArray[np.float64],
+    generator: np.random.Generator,
+    resamples: int = RESAMPLES,
+    few: int = FEW_RUNS,
 ) -> Interval:
     """How likely a run of ours has the higher score than one of theirs, on a scenario drawn by chance.
 
@@ -25,6 +29,7 @@ def probability_of_improvement(
         ours, theirs: (seeds, scenarios), scores of training runs, of which more is better; ties count half.
         generator: source of the resamples.
         resamples: number of bootstrap resamples.
+        few: runs, over all scenarios, below which the wider interval is taken; 0 for the bootstrap always.
 
     Raises:
         ValueError: the scenarios are not as many, or there are none.
@@ -40,7 +45,7 @@ def probability_of_improvement(
     runs = min((len(policy) for policy in (ours, theirs) if len(policy) > 1), default=1)
     if runs < 2:
         return Interval(value, math.nan, math.nan)
-    if runs * ours.shape[1] < FEW_RUNS:
+    if runs * ours.shape[1] < few:
         return _from_placements(wins, runs)
     counts = [
         generator.multinomial(len(policy), np.full(len(policy), 1.0 / len(policy)), (resamples, policy.shape[1]))
