@@ -85,9 +85,10 @@ def terminal_table(scenario: dict[str, Any], reference: str, width: int) -> Tabl
     """
     columns = columns_of(scenario["policies"])
     count = len(headings(columns, reference))
-    # The rate and the first metric stay; then the difference, the metrics from the last on, the middles and the wins.
+    # The rate and the first metric stay; then the difference, the last metric, the others, the middles and the wins.
     difference = count - 4
-    order = [1, 2, difference, *range(difference - 1, 2, -1), *range(difference + 1, count)]
+    last = [difference - 1] if difference > 3 else []
+    order = [1, 2, difference, *last, *range(3, difference - 1), *range(difference + 1, count)]
     for kept in range(len(order), 0, -1):
         for folded in (0,) if kept == len(order) else (0, 20, 12):
             table = _table(scenario, reference, order[:kept], folded, width)
