@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from importlib import import_module
 from importlib.util import find_spec
 from itertools import islice
 from typing import Any
@@ -192,20 +193,20 @@ def _processes(work: Work, batches: Iterator[Batch], workers: int) -> Iterator[D
 
 def _on_ray(work: Work, batches: Iterator[Batch], address: str | None) -> Iterator[Driven]:
     logging.getLogger("ray").setLevel(logging.ERROR)
-    import ray
-
+    ray: Any = import_module("ray")
     ours = not ray.is_initialized()
     if ours:
         ray.init(
             address=address,
             include_dashboard=False if address is None else None,
             log_to_driver=False,
-            logging_level="ERROR",
+            logging_level=logging.ERROR,
         )
     try:
         # Ray itself starts a task again whose worker or node has died.
         task: Callable[..., Any] = ray.remote(num_cpus=1, max_retries=TRIES - 1)(_drive).remote
-        told, running = ray.put(work), []
+        told = ray.put(work)
+        running: list[Any] = []
         while True:
             size = 2 * int(ray.cluster_resources().get("CPU", 1))
             running += [task(told, batch) for batch in islice(batches, max(0, size - len(running)))]

@@ -194,7 +194,7 @@ class Measured:
         if metric.how == "return":
             return self._return
         if metric.how == "time":
-            return self._seconds * self.counted
+            return self._seconds * self.counted.astype(np.float64)
         if metric.how == "lap":
             return np.where(self.failed, self._length * self._seconds, self._lap)
         row = self._names.index(metric.signal)
@@ -206,4 +206,5 @@ class Measured:
         # The first step knows no rate.
         steps = np.maximum(self.counted - 1, 1) if metric.signal in RATES else self.counted
         rest = np.where(self.departed & metric.holds, np.maximum(self._length - self.counted, 0), 0)
-        return np.sqrt((self._squares[row] + rest * self._last[row] ** 2) / (steps + rest))
+        mean: Floats = (self._squares[row] + rest * self._last[row] ** 2) / (steps + rest)
+        return np.sqrt(mean)

@@ -66,9 +66,9 @@ def paired_rates(ours: NDArray[np.bool_], theirs: NDArray[np.bool_], confidence:
     both, neither = int((ours & theirs).sum()), int((~ours & ~theirs).sum())
     mine, yours = int((ours & ~theirs).sum()), int((theirs & ~ours).sum())
     product = (both + mine) * (yours + neither) * (both + yours) * (mine + neither)
-    excess = both * neither - mine * yours
+    excess: float = both * neither - mine * yours
     if excess > 0:  # corrected for continuity
-        excess = max(excess - episodes / 2, 0)
+        excess = max(excess - episodes / 2, 0.0)
     phi = excess / math.sqrt(product) if product else 0.0
 
     def bound(mine: float, yours: float) -> float:
