@@ -63,21 +63,23 @@ def benchmark(
         ValueError, OSError: something is not allowed or unknown; one line that names it. Nothing is driven then.
         lanekeep_benchmarks.own_code.OwnCodeError: a ValueError, where one of the policies failed while it drove.
     """
-    from lanekeep_benchmarks import engines, runs
+    from lanekeep_benchmarks.engines import Engine
+    from lanekeep_benchmarks.reporting import write_report
+    from lanekeep_benchmarks.runs import Options, drive, open_run
 
-    plan, folder = runs.open_run(
-        suite,
-        None if policies is None else tuple(policies),
-        None,
-        episodes,
-        seed,
+    options = Options(
+        suite=suite,
+        policies=None if policies is None else tuple(policies),
+        episodes=episodes,
+        seed=seed,
         out=None if out is None else Path(out),
         overwrite=overwrite,
         resume=resume,
         trace=trace,
-        engine=engines.Engine(engine) if isinstance(engine, str) else engine,
+        engine=Engine(engine) if isinstance(engine, str) else engine,
     )
+    plan, folder = open_run(options)
     with folder:
-        for _ in runs.drive(plan, folder):
+        for _ in drive(plan, folder):
             pass
-        return {"folder": str(folder.path), **runs.write_report(plan, folder)}
+        return {"folder": str(folder.path), **write_report(plan, folder)}

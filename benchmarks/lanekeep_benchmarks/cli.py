@@ -136,31 +136,23 @@ def bench(
     from lanekeep_benchmarks import runs
     from lanekeep_benchmarks.engines import Engine
     from lanekeep_benchmarks.report import caption, terminal_table
+    from lanekeep_benchmarks.reporting import write_report
 
     with input_errors():
-        plan, folder = runs.open_run(
-            suite,
-            _listed(policies),
-            road,
-            episodes,
-            seed,
-            out=out,
-            overwrite=overwrite,
-            resume=resume,
-            trace=trace,
-            engine=Engine(engine, workers, address),
-            smoothing=smoothing,
-        )
-    how = f"; to complete the run: lanekeep bench --resume --out {shlex.quote(str(folder.path))}"
+        how = Engine(engine, workers, address)
+        named = _listed(policies)
+        options = runs.Options(suite, named, road, smoothing, episodes, seed, out, overwrite, resume, trace, how)
+        plan, folder = runs.open_run(options)
+    advice = f"; to complete the run: lanekeep bench --resume --out {shlex.quote(str(folder.path))}"
     if resume:
         torn = ", a torn last line was dropped" if folder.torn else ""
         print(f"lanekeep: {len(plan.results)} of {plan.total} episodes are in {folder.path}{torn}", file=sys.stderr)
-    with interruptible(how), own_errors(how), disk_errors(how), folder, progress() as bar:
+    with interruptible(advice), own_errors(advice), disk_errors(advice), folder, progress() as bar:
         task = bar.add_task("driving", total=plan.total, completed=len(plan.results))
         for name, count in runs.drive(plan, folder):
             bar.update(task, advance=count, description=name)
         bar.update(task, description="tables and plots")
-        summary = runs.write_report(plan, folder)
+        summary = write_report(plan, folder)
     if as_json:
         print(json.dumps({"folder": str(folder.path), **summary}))
         return

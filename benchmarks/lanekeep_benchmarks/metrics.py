@@ -53,7 +53,7 @@ class Metric:
 
 
 _ALL = (
-    Metric("lap_time", "lap time", "s", 2, "", "lap"),
+    Metric("lap_time", "lap time", "s", 2, "lap_time", "lap"),
     Metric("rms_lateral_error", "RMS lateral error", "m", 3, "lateral_error", "rms", holds=True),
     Metric("peak_lateral_error", "peak lateral error", "m", 3, "lateral_error", "peak"),
     Metric("rms_heading_error", "RMS heading error", "rad", 4, "heading_error", "rms", holds=True),

@@ -67,22 +67,23 @@ def check_policy(name: str) -> None:
         raise ValueError(_unknown(name))
 
 
-def _unknown(name: str) -> str:
-    """What to say of a name that no policy has."""
-    classical = ", ".join(lanekeep_baselines.names())
+def _unknown(name: str, fitting: Callable[[], Sequence[str]] = lanekeep_baselines.names) -> str:
+    """What to say of a name that no policy has; ``fitting`` gives those that there are, or that fit."""
+    learned = "" if fitting is not lanekeep_baselines.names else ", a learned one (lanekeep zoo lists them)"
     return (
-        f"policy {shown(name)} is unknown{nearest(name, known_policies())}; allowed: {classical}, a learned one "
-        f"(lanekeep zoo lists them), or a {FILE} file"
+        f"policy {shown(name)} is unknown{nearest(name, known_policies())}; allowed: {', '.join(fitting())}{learned}, "
+        f"or a {FILE} file"
     )
 
 
-def entry_of(given: Any, code: bool = True) -> Entry:
+def entry_of(given: Any, code: bool = True, fitting: Callable[[], Sequence[str]] = lanekeep_baselines.names) -> Entry:
     """Return the entry of what a person names or hands over.
 
     Args:
         given: a name, the path of a learned policy's file, ``module:factory``, ``path/to/file.py:factory``; in Python
             also a factory (takes a scenario, gives a policy) or a policy, an object with ``predict``.
         code: whether a text may name code: never where it comes from a file.
+        fitting: gives the names that the error about an unknown one lists.
 
     Raises:
         ValueError: there is no such policy, or its code fails.
@@ -98,7 +99,7 @@ def entry_of(given: Any, code: bool = True) -> Entry:
             f"policy {shown(given)} lacks the factory's name; allowed: {shown_path(given)}:NAME, a function or a class"
         )
     if code and given not in known_policies() and not given.endswith(FILE):
-        raise ValueError(f"{_unknown(given)}, or code of your own, {FORMS}")
+        raise ValueError(f"{_unknown(given, fitting)}, or code of your own, {FORMS}")
     check_policy(given)
     registered = lanekeep_baselines.registered(given)
     if registered is not None:

@@ -108,7 +108,8 @@ def test_bench_writes_lines_summary_tables_and_plots(finished):
         mean = np.mean([line["metrics"]["rms_lateral_error"] for line in mine])
         assert scenario["policies"][1]["metrics"]["rms_lateral_error"]["value"] == pytest.approx(mean)
         assert scenario["title"] in output
-    assert (folder / "plot_errors.png").stat().st_size > 20_000
+    for picture in ("plot_errors.png", "plot_profiles.png"):
+        assert (folder / picture).stat().st_size > 20_000
     assert "| yin-lqr |" in (folder / "summary.md").read_text()
     assert str(folder) in output
 
@@ -146,6 +147,7 @@ def test_bench_on_a_road_of_ones_own_drives_a_whole_lap(oval, tmp_path, capsys):
         "plot_errors.png",
         "plot_episode_oval.png",
         "plot_map_oval.png",
+        "plot_profiles.png",
     }
 
 
@@ -169,6 +171,7 @@ def test_real_tracks(track, tmp_path, capsys):
     [
         (["bench", "clasical"], ["'clasical'", "did you mean 'classical'"]),
         (["bench", "--policies", "yin-lrq"], ["'yin-lrq'", "did you mean 'yin-lqr'"]),
+        (["bench", "drive", "--policies", "werling"], ["'werling' is unknown", "allowed: werling-drive, "]),
         (["bench", "--policies", "pd,pd"], ["'pd, pd'", "different names"]),
         (["bench", "--policies", ","], ["''", "one or more"]),
         (["bench", "--policies", ""], ["''", "one or more"]),

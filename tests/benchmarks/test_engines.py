@@ -14,8 +14,9 @@ import pytest
 
 import lanekeep_baselines
 import lanekeep_benchmarks
-from lanekeep_benchmarks import engines
+from lanekeep_benchmarks import engines, runs
 from lanekeep_benchmarks.__main__ import main
+from lanekeep_benchmarks.reporting import write_report
 from lanekeep_benchmarks.results import EPISODES
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
@@ -200,15 +201,14 @@ def test_a_ray_cluster_loses_a_node_and_no_line(here, monkeypatch):
         node = cluster.add_node(num_cpus=1)
         cluster.wait_for_nodes()
         engine = engines.Engine("ray", address=cluster.address)
-        from lanekeep_benchmarks import runs
-
         policies = ("stanley", "mine.py:Slow")
-        plan, folder = runs.open_run("suite.toml", policies, None, 24, 0, out=here / "out", engine=engine)
+        options = runs.Options("suite.toml", policies, episodes=24, out=here / "out", engine=engine)
+        plan, folder = runs.open_run(options)
         with folder:
             for place, _ in enumerate(runs.drive(plan, folder)):
                 if place == 10:
                     cluster.remove_node(node, allow_graceful=False)
-            runs.write_report(plan, folder)
+            write_report(plan, folder)
     finally:
         cluster.shutdown()
     assert lines(here / "out") == lines(here / "whole")

@@ -105,7 +105,7 @@ def test_torn_anywhere(unbroken, tmp_path):
         folder.mkdir()
         shutil.copy(unbroken / RUN, folder)
         (folder / EPISODES).write_bytes(content[:cut])
-        plan, opened = runs.open_run(None, None, None, None, None, out=folder, resume=True)
+        plan, opened = runs.open_run(runs.Options(out=folder, resume=True))
         assert opened.torn == (cut > 0 and content[cut - 1 : cut] != b"\n")
         assert len(plan.results) == content[:cut].count(b"\n")
         with opened:
@@ -327,7 +327,7 @@ def test_a_road_of_ones_own_is_resumed(tmp_path, capsys):
 
 def test_two_processes_never_write_one_folder(killed, capsys):
     pytest.importorskip("fcntl")
-    _, opened = runs.open_run(None, None, None, None, None, out=killed, resume=True)
+    _, opened = runs.open_run(runs.Options(out=killed, resume=True))
     with opened:
         assert "another process is writing there" in refusal(killed, capsys)
         assert main([*BENCH, "--out", str(killed), "--overwrite"]) == 2
