@@ -23,7 +23,8 @@ def probability_of_improvement(
     """How likely a run of ours has the higher score than one of theirs, on a scenario drawn by chance.
 
     The interval is the bootstrap's that draws runs anew for each scenario by itself (stratified); with few runs, whose
-    bootstrap is too narrow (`coverage`), a wider one from the spread of the runs' own probabilities.
+    bootstrap is too narrow (`coverage`), or where all pairs end alike, a wider one from the spread of the runs'
+    own probabilities.
 
     Args:
         ours, theirs: (seeds, scenarios), scores of training runs, of which more is better; ties count half.
@@ -45,7 +46,8 @@ def probability_of_improvement(
     runs = min((len(policy) for policy in (ours, theirs) if len(policy) > 1), default=1)
     if runs < 2:
         return Interval(value, math.nan, math.nan)
-    if runs * ours.shape[1] < few:
+    alike = not wins.std(axis=(0, 1)).any()  # no resample differs, and a bootstrap would have no doubt
+    if runs * ours.shape[1] < few or alike:
         return _from_placements(wins, runs)
     counts = [
         generator.multinomial(len(policy), np.full(len(policy), 1.0 / len(policy)), (resamples, policy.shape[1]))

@@ -253,6 +253,11 @@ def test_the_stratified_bootstrap_draws_runs_for_each_scenario():
     assert (found.low, found.high) == pytest.approx(np.quantile(drawn, [0.025, 0.975]), abs=0.012)
 
 
+def test_runs_that_always_win_leave_a_doubt():
+    found = probability_of_improvement(np.ones((5, 10)), np.zeros((1, 10)), np.random.default_rng(0))
+    assert found.value == found.high == 1.0 and 0.8 < found.low < 0.99
+
+
 def test_a_single_run_of_both_has_no_interval():
     found = probability_of_improvement(np.ones((1, 4)), np.zeros((1, 4)), np.random.default_rng(0))
     assert found.value == 1.0 and math.isnan(found.low)
