@@ -187,7 +187,8 @@ def _processes(work: Work, batches: Iterator[Batch], workers: int) -> Iterator[D
             if tries[batch.place] == TRIES:
                 raise ChildProcessError(
                     f"a worker died {TRIES} times while {batch.policy} drove {batch.scenario.name}, episodes "
-                    f"{batch.numbers[0]} to {batch.numbers[-1]}: out of memory, or killed"
+                    f"{batch.numbers[0]} to {batch.numbers[-1]}: out of memory, killed, or begun by a script "
+                    'that lacks if __name__ == "__main__"'
                 )
 
 
