@@ -69,7 +69,8 @@ def check_policy(name: str) -> None:
 
 def _unknown(name: str, fitting: Callable[[], Sequence[str]] = lanekeep_baselines.names) -> str:
     """What to say of a name that no policy has; ``fitting`` gives those that there are, or that fit."""
-    learned = "" if fitting is not lanekeep_baselines.names else ", a learned one (lanekeep zoo lists them)"
+    all_ = fitting is lanekeep_baselines.names
+    learned = ", a learned one (lanekeep zoo lists them)" if all_ else " (lanekeep zoo describes the learned ones)"
     return (
         f"policy {shown(name)} is unknown{nearest(name, known_policies())}; allowed: {', '.join(fitting())}{learned}, "
         f"or a {FILE} file"

@@ -162,8 +162,8 @@ class ResultFolder:
         places = set()
         try:
             for number, line in read_lines(content):
-                if differences := record.line_differences(line):
-                    raise ValueError(f"line {number} is of another run: {told(differences)}")
+                if foreign := record.line_differences(line):
+                    raise ValueError(f"line {number} is of another run: {told(foreign)}")
                 if line.place in places:
                     raise ValueError(f"line {number} repeats {line.scenario}, {line.policy}, episode {line.episode}")
                 places.add(line.place)
