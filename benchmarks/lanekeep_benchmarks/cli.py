@@ -7,7 +7,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.table import Table
@@ -135,7 +135,6 @@ def bench(
     """
     from lanekeep_benchmarks import runs
     from lanekeep_benchmarks.engines import Engine
-    from lanekeep_benchmarks.report import caption, terminal_table
     from lanekeep_benchmarks.reporting import write_report
 
     with input_errors():
@@ -153,14 +152,20 @@ def bench(
             bar.update(task, advance=count, description=name)
         bar.update(task, description="tables and plots")
         summary = write_report(plan, folder)
+    _print_report({"folder": str(folder.path), **summary}, as_json)
+
+
+def _print_report(summary: dict[str, Any], as_json: bool) -> None:
+    from lanekeep_benchmarks.report import caption, terminal_table
+
     if as_json:
-        print(json.dumps({"folder": str(folder.path), **summary}))
+        print(json.dumps(summary))
         return
     there = console()
     for entry in summary["scenarios"]:
         there.print(terminal_table(entry, summary["reference"], there.width))
     there.print(caption(summary), highlight=False)
-    there.print(f"Results, tables and plots: {folder.path}", highlight=False, soft_wrap=True)
+    there.print(f"Results, tables and plots: {summary['folder']}", highlight=False, soft_wrap=True)
 
 
 def _listed(policies: str | None) -> tuple[str, ...] | None:
