@@ -119,7 +119,7 @@ def plot_profiles(summary: Mapping[str, Any], values: Mapping[str, Mapping[str, 
 
 def _end(numbers: NDArray[np.float64]) -> tuple[float, float]:
     kept = numbers[np.isfinite(numbers)]
-    return (float(kept.min()), float(np.quantile(kept, 0.98))) if len(kept) else (0.0, 0.0)
+    return (float(kept.min()), float(np.quantile(kept, 0.98, method="higher"))) if len(kept) else (0.0, 0.0)
 
 
 #: Panels of an episode: names of truth or channels, the label, the scale. The first name that a trace has is drawn.
