@@ -13,9 +13,19 @@ from typing import TYPE_CHECKING, Any
 from lanekeep_benchmarks.reading import read
 
 if TYPE_CHECKING:
+    from lanekeep_benchmarks.engines import Engine
     from lanekeep_benchmarks.suites import Suite
 
-__all__ = ["benchmark", "read"]
+__all__ = ["Engine", "benchmark", "read"]
+
+
+def __getattr__(name: str) -> Any:
+    # Learned when it is asked for: it brings every environment with it.
+    if name == "Engine":
+        from lanekeep_benchmarks.engines import Engine
+
+        return Engine
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def benchmark(
@@ -28,6 +38,7 @@ def benchmark(
     overwrite: bool = False,
     resume: bool = False,
     trace: bool = False,
+    engine: str | Engine = "serial",
 ) -> dict[str, Any]:
     """Compare policies on identical episodes, as `lanekeep bench` does: the same folder, tables and plots.
 
@@ -41,6 +52,8 @@ def benchmark(
         out: folder of the results; None for one below ``results/``.
         overwrite: replace results in ``out``.
         resume: complete the run in ``out``. What has no source to tell by whether it is the same cannot be resumed.
+        engine: "serial", "processes" or "ray", or an `Engine` that says more; result lines are the same. Scripts that
+            use another than the first run under ``if __name__ == "__main__":``.
         trace: keep every step of every episode, not only of those that failed; `read` returns them.
 
     Returns:
@@ -50,20 +63,23 @@ def benchmark(
         ValueError, OSError: something is not allowed or unknown; one line that names it. Nothing is driven then.
         lanekeep_benchmarks.own_code.OwnCodeError: a ValueError, where one of the policies failed while it drove.
     """
-    from lanekeep_benchmarks import runs
+    from lanekeep_benchmarks.engines import Engine
+    from lanekeep_benchmarks.reporting import write_report
+    from lanekeep_benchmarks.runs import Options, drive, open_run
 
-    plan, folder = runs.open_run(
-        suite,
-        None if policies is None else tuple(policies),
-        None,
-        episodes,
-        seed,
+    options = Options(
+        suite=suite,
+        policies=None if policies is None else tuple(policies),
+        episodes=episodes,
+        seed=seed,
         out=None if out is None else Path(out),
         overwrite=overwrite,
         resume=resume,
         trace=trace,
+        engine=Engine(engine) if isinstance(engine, str) else engine,
     )
+    plan, folder = open_run(options)
     with folder:
-        for _ in runs.drive(plan, folder):
+        for _ in drive(plan, folder):
             pass
-        return {"folder": str(folder.path), **runs.write_report(plan, folder)}
+        return {"folder": str(folder.path), **write_report(plan, folder)}

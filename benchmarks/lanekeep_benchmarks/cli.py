@@ -7,7 +7,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.table import Table
@@ -17,15 +17,19 @@ import lanekeep_env
 from lanekeep_benchmarks.check import commands as check
 from lanekeep_benchmarks.console import console, progress
 from lanekeep_benchmarks.endings import (
+    ClosedOutput,
     Interrupted,
     disk_errors,
     input_errors,
     interruptible,
     one_line,
+    open_output,
     own_errors,
+    plain_warnings,
     short,
 )
 from lanekeep_benchmarks.envs_command import envs
+from lanekeep_benchmarks.export_command import export
 from lanekeep_benchmarks.new_command import new
 from lanekeep_benchmarks.play_command import POLICY, play_command
 from lanekeep_benchmarks.replications import WORKS
@@ -58,6 +62,7 @@ def _everything(
 
 
 app.command()(envs)
+app.command()(export)
 app.command(name="play")(play_command)
 app.command()(train)
 app.command()(zoo)
@@ -73,9 +78,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code. Wrong usage and Ctrl-C are one line on stderr."""
     advice = ""
     try:
-        code = app(args=arguments, prog_name="lanekeep", standalone_mode=False)
+        with plain_warnings(), open_output():
+            code = app(args=arguments, prog_name="lanekeep", standalone_mode=False)
     except Interrupted as interrupted:
         code, advice = 130, str(interrupted)
+    except ClosedOutput:
+        print("lanekeep: what reads the output was closed before its end", file=sys.stderr)
+        return 1
     except typer.Abort:
         code = 130
     except Exception as error:
@@ -100,6 +109,7 @@ def bench(
         str | None, typer.Option(help=f"{POLICY}, comma-separated; the first is the reference.")
     ] = None,
     road: Annotated[Path | None, typer.Option(help="CSV centre line (x, y in m) to drive instead of a suite.")] = None,
+    smoothing: Annotated[float | None, typer.Option(help="How far its points scatter, m; default: estimated.")] = None,
     episodes: Annotated[int | None, typer.Option(help="Episodes for each scenario; default: the suite's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Another seed, other episodes; default: 0.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; default: results/SUITE-TIME.")] = None,
@@ -110,6 +120,9 @@ def bench(
     trace: Annotated[
         bool, typer.Option("--trace", help="Keep every step of every episode; those of failed ones are kept always.")
     ] = False,
+    engine: Annotated[str, typer.Option(help="What drives: serial, processes or ray.")] = "serial",
+    workers: Annotated[int | None, typer.Option(help="Processes; default: one a processor.")] = None,
+    address: Annotated[str | None, typer.Option(help="Of a Ray cluster; default: one for this run.")] = None,
     as_json: Json = False,
 ) -> None:
     """Compare policies on identical episodes: table, result lines, plots.
@@ -117,32 +130,42 @@ def bench(
     Example: lanekeep bench --policies pd,yin-lqr-observer --road my_track.csv --out results/my_track
 
     A killed run goes on where it stopped: lanekeep bench --resume --out results/my_track
+
+    On several processors: lanekeep bench --engine processes --workers 4
     """
     from lanekeep_benchmarks import runs
-    from lanekeep_benchmarks.report import caption, terminal_table
+    from lanekeep_benchmarks.engines import Engine
+    from lanekeep_benchmarks.reporting import write_report
 
     with input_errors():
-        plan, folder = runs.open_run(
-            suite, _listed(policies), road, episodes, seed, out=out, overwrite=overwrite, resume=resume, trace=trace
-        )
-    how = f"; to complete the run: lanekeep bench --resume --out {shlex.quote(str(folder.path))}"
+        how = Engine(engine, workers, address)
+        named = _listed(policies)
+        options = runs.Options(suite, named, road, smoothing, episodes, seed, out, overwrite, resume, trace, how)
+        plan, folder = runs.open_run(options)
+    advice = f"; to complete the run: lanekeep bench --resume --out {shlex.quote(str(folder.path))}"
     if resume:
         torn = ", a torn last line was dropped" if folder.torn else ""
         print(f"lanekeep: {len(plan.results)} of {plan.total} episodes are in {folder.path}{torn}", file=sys.stderr)
-    with interruptible(how), own_errors(), disk_errors(how), folder, progress() as bar:
+    with interruptible(advice), own_errors(advice), disk_errors(advice), folder, progress() as bar:
         task = bar.add_task("driving", total=plan.total, completed=len(plan.results))
         for name, count in runs.drive(plan, folder):
             bar.update(task, advance=count, description=name)
         bar.update(task, description="tables and plots")
-        summary = runs.write_report(plan, folder)
+        summary = write_report(plan, folder)
+    _print_report({"folder": str(folder.path), **summary}, as_json)
+
+
+def _print_report(summary: dict[str, Any], as_json: bool) -> None:
+    from lanekeep_benchmarks.report import caption, terminal_table
+
     if as_json:
-        print(json.dumps({"folder": str(folder.path), **summary}))
+        print(json.dumps(summary))
         return
     there = console()
     for entry in summary["scenarios"]:
         there.print(terminal_table(entry, summary["reference"], there.width))
     there.print(caption(summary), highlight=False)
-    there.print(f"Results, tables and plots: {folder.path}", highlight=False, soft_wrap=True)
+    there.print(f"Results, tables and plots: {summary['folder']}", highlight=False, soft_wrap=True)
 
 
 def _listed(policies: str | None) -> tuple[str, ...] | None:

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 #: Columns of text where the output is a file or a pipe.
-PIPED = 180
+PIPED = 260
 
 
 def console(stderr: bool = False) -> Console:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import gymnasium as gym
 import typer
@@ -43,13 +45,43 @@ def disk_errors(advice: str) -> Iterator[None]:
 
 
 @contextmanager
-def own_errors() -> Iterator[None]:
+def own_errors(advice: str = "") -> Iterator[None]:
     """Turn what fails in a user's own code into one line on stderr and exit code 1."""
     try:
         yield
     except OwnCodeError as error:
-        print(f"lanekeep: {short(one_line(error))}", file=sys.stderr)
+        print(f"lanekeep: {short(one_line(error))}{advice}", file=sys.stderr)
         raise typer.Exit(1) from error
+
+
+@contextmanager
+def plain_warnings() -> Iterator[None]:
+    """Show what the packages warn of as one line on stderr."""
+
+    def show(message: Warning | str, *_: object, **__: object) -> None:
+        print(f"lanekeep: {short(one_line(message))}", file=sys.stderr)
+
+    with warnings.catch_warnings():
+        warnings.showwarning = show
+        yield
+
+
+class ClosedOutput(Exception):
+    """Nobody reads what is printed any more."""
+
+
+@contextmanager
+def open_output() -> Iterator[None]:
+    """Raise `ClosedOutput` where stdout is a pipe whose reader has gone, so that nothing fails when Python ends."""
+    try:
+        yield
+        sys.stdout.flush()
+    except (BrokenPipeError, SystemExit) as error:  # rich makes the one the other
+        if isinstance(error, SystemExit) and not isinstance(error.__context__, BrokenPipeError):
+            raise
+        with suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise ClosedOutput from error
 
 
 class Interrupted(Exception):

@@ -10,30 +10,21 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
 import lanekeep_env
+from lanekeep_benchmarks.lines import EpisodeResult, Place
+from lanekeep_benchmarks.metrics import Measured, metrics_of
 from lanekeep_benchmarks.suites import OWN_ROAD, Suite, SuiteScenario
-from lanekeep_benchmarks.traces import Trace
-from lanekeep_env.checks import choose, from_mapping, require, shown
-from lanekeep_env.plain import parse_json
+from lanekeep_benchmarks.traces import Trace, file_name
 
+#: Episodes that are driven side by side.
 CARS = 256
-#: Metrics of every scenario, and those that come first on roads and on circuits.
-EFFORT = ("rms_steering_rate", "peak_lateral_acceleration", "return")
-ERRORS, LAP = ("rms_lateral_error", "peak_lateral_error"), ("lap_time",)
-#: A metric that is read may be as large: sums of fourth powers are still finite.
-LARGEST_METRIC = 1e50
-_KINDS: dict[Any, tuple[type, str]] = {
-    "str": (str, "a text"),
-    "int": (int, "a whole number"),
-    "bool": (bool, "true or false"),
-}
 
 
 class Policy(Protocol):
@@ -51,53 +42,6 @@ class Policy(Protocol):
 
 
 MakePolicy = Callable[[str, Any], Policy]
-Place = tuple[str, str, int]
-KeepTrace = Callable[[Trace, str, str, NDArray[np.int64], NDArray[np.bool_]], None]
-
-
-@dataclass(frozen=True)
-class EpisodeResult:
-    """One line of episodes.jsonl.
-
-    ``metrics``: rms_lateral_error and peak_lateral_error in m, rms_steering_rate in rad/s at the road wheel,
-    peak_lateral_acceleration in m/s², return; over the steps driven; on circuits lap_time in s instead of the errors.
-    ``failed``: the car left the lane, touched a wall or did not finish its lap.
-    """
-
-    suite: str
-    scenario: str
-    scenario_hash: str
-    policy: str
-    episode: int
-    seed: int
-    episode_seed: int
-    failed: bool
-    steps: int
-    metrics: Mapping[str, float]
-    version: str
-
-    def to_json(self) -> str:
-        """One line of JSON, without the line end."""
-        return json.dumps(asdict(self), allow_nan=False)
-
-    @classmethod
-    def from_json(cls, text: str | bytes) -> EpisodeResult:
-        """Read a line; ValueError or TypeError, which name the field, where it is not one."""
-        values = parse_json(text)
-        require_mapping("result line", values)
-        line = from_mapping(cls, values, "result line")
-        check_kinds(line)
-        require("steps", line.steps, "", at_least=1, at_most=1_000_000_000)
-        require_mapping("metrics", line.metrics)
-        for name, value in line.metrics.items():
-            choose("metrics", name, (*LAP, *ERRORS, *EFFORT))
-            require(f"metrics.{name}", value, "", at_least=-LARGEST_METRIC, at_most=LARGEST_METRIC)
-        return line
-
-    @property
-    def place(self) -> Place:
-        """What tells the line from the others of its run."""
-        return self.scenario, self.policy, self.episode
 
 
 @dataclass(frozen=True)
@@ -113,26 +57,6 @@ class Step:
     action: NDArray[np.float32]
     reward: NDArray[np.float64]
     info: Mapping[str, Any]
-
-
-def check_kinds(record: Any) -> None:
-    """Raise ValueError unless the fields of a record that are declared as texts, int or bool are just that."""
-    for field in fields(record):
-        kind, words = _KINDS.get(field.type, (object, ""))
-        value = getattr(record, field.name)
-        if kind is not object and type(value) is not kind:
-            raise ValueError(f"{field.name}={shown(value)} is not allowed: it must be {words}")
-
-
-def require_mapping(name: str, value: Any) -> None:
-    """Raise ValueError unless ``value`` is a mapping."""
-    if not isinstance(value, Mapping):
-        raise ValueError(f"{name}={shown(value)} is not allowed: it must be a mapping of names to values")
-
-
-def metric_names(laps: bool) -> tuple[str, ...]:
-    """Names of the metrics of a scenario, in which laps are driven or not."""
-    return (*(LAP if laps else ERRORS), *EFFORT)
 
 
 def episode_seed(suite: str, scenario: str, episode: int, seed: int) -> int:
@@ -169,38 +93,120 @@ def drive(env: Any, policy: Policy, seeds: Sequence[int], options: Mapping[str, 
         alive = alive & ~(terminated | truncated)
 
 
-def measure(
-    steps: Iterator[Step], cars: int, lap_limit: float | None = None
-) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.bool_], NDArray]:
-    """Reduce steps to (metrics by name, failed, steps driven), arrays of shape (cars,).
+@dataclass(frozen=True)
+class Batch:
+    """Episodes of one policy on one scenario that are driven side by side; of ``numbers`` those are ``missing``."""
 
-    Where laps are driven, the lap time takes the place of the errors; a lap that was not done has failed and counts as
-    ``lap_limit``, the length of an episode in s.
+    scenario: SuiteScenario
+    policy: str
+    numbers: range
+    missing: frozenset[int]
+
+    @property
+    def place(self) -> Place:
+        """What tells the batch from the others of its run: that of its first episode."""
+        return self.scenario.name, self.policy, self.numbers[0]
+
+
+class Driven(NamedTuple):
+    """What became of a batch: its missing lines, and the name and content of a file of steps where some are kept.
+
+    The content is computed when it is called for, and takes as long as the drive.
     """
-    squared_error, peak_error, squared_rate, peak_acceleration, total, lap = np.zeros((6, cars))
-    failed = np.zeros(cars, dtype=bool)
-    count = np.zeros(cars, dtype=np.int64)
-    for step in steps:
-        alive, info = step.alive, step.info
-        error = np.abs(np.asarray(info["lateral_error"], dtype=np.float64))
-        rate = np.asarray(info["steering_rate"], dtype=np.float64)
-        acceleration = np.abs(np.asarray(info["lateral_acceleration"], dtype=np.float64))
-        np.add(squared_error, error**2, out=squared_error, where=alive)
-        np.add(squared_rate, rate**2, out=squared_rate, where=alive)
-        np.add(total, step.reward, out=total, where=alive)
-        np.maximum(peak_error, error, out=peak_error, where=alive)
-        np.maximum(peak_acceleration, acceleration, out=peak_acceleration, where=alive)
-        succeeds = np.asarray(info["is_success"], dtype=bool)
-        if lap_limit is None:
-            failed |= alive & ~succeeds
-        else:  # a success is at the end
-            np.copyto(failed, ~succeeds, where=alive)
-            np.copyto(lap, info["lap_time"], where=alive)
-        count += alive
-    errors = [np.sqrt(squared_error / count), peak_error]
-    first = errors if lap_limit is None else [np.where(failed, lap_limit, lap)]
-    values = [*first, np.sqrt(squared_rate / count), peak_acceleration, total]
-    return dict(zip(metric_names(lap_limit is not None), values, strict=True)), failed, count
+
+    results: list[EpisodeResult]
+    trace: tuple[str, Callable[[], bytes]] | None = None
+
+
+def batches(
+    suite: Suite, policies: Sequence[str], episodes: int, done: Collection[Place] = frozenset(), cars: int | None = None
+) -> Iterator[Batch]:
+    """Yield what has to be driven, scenario by scenario, chunk by chunk of episodes, policy by policy.
+
+    Episodes in ``done`` are left out. A chunk of which some are done is driven whole all the same: with the same
+    neighbours the result is the same even where a policy's rows are not independent to the last bit.
+    """
+    cars = cars or CARS
+    for scenario in suite.scenarios:
+        for first in range(0, episodes, cars):
+            numbers = range(first, min(first + cars, episodes))
+            for name in policies:
+                missing = frozenset(n for n in numbers if (scenario.name, name, n) not in done)
+                if missing:
+                    yield Batch(scenario, name, numbers, missing)
+
+
+class Driver:
+    """Drives batches of a suite; the cars of one scenario serve all policies.
+
+    Args:
+        suite: its name, part of the episodes' seeds.
+        seed: of the run.
+        make_policy: takes a policy's name and the scenario that it is made for.
+        kept: "all" keeps the steps of all episodes, "failed" those of failures, "none" none.
+    """
+
+    def __init__(self, suite: str, seed: int, make_policy: MakePolicy, kept: str = "none") -> None:
+        self._suite, self._seed, self._make_policy, self._kept = suite, seed, make_policy, kept
+        self._cars: Any = None
+        self._of: tuple[SuiteScenario, int] | None = None
+
+    def close(self) -> None:
+        """Let the cars go."""
+        if self._cars is not None:
+            self._cars.close()
+        self._cars = self._of = None
+
+    def drive(self, batch: Batch) -> Driven:
+        """Drive a batch."""
+        scenario, seeds = (
+            batch.scenario,
+            [episode_seed(self._suite, batch.scenario.name, number, self._seed) for number in batch.numbers],
+        )
+        if self._of != (scenario, len(seeds)):
+            self.close()
+            self._cars, self._of = make_cars(scenario, len(seeds)), (scenario, len(seeds))
+        definition = self._cars.unwrapped.scenario
+        policy = self._make_policy(batch.policy, scenario.policies_scenario(definition))
+        measured = Measured(
+            metrics_of(scenario.env_id, self._cars.unwrapped.truth, scenario.metrics),
+            len(seeds),
+            scenario.max_episode_steps or definition.episode_steps,
+            definition.control_step,
+            hasattr(definition, "laps"),
+        )
+        steps = drive(self._cars, policy, seeds, scenario.options)
+        if self._kept == "none":
+            measured.watch(steps)
+            return Driven(self._lines(batch, seeds, definition, measured))
+        trace = Trace([channel.name for channel in definition.channels])
+        measured.watch(trace.watch(steps))
+        kept = np.ones(len(seeds), dtype=bool) if self._kept == "all" else measured.failed
+        lines = self._lines(batch, seeds, definition, measured)
+        if not kept.any():
+            return Driven(lines)
+        name = file_name(scenario.name, batch.policy, batch.numbers[0])
+        return Driven(lines, (name, lambda: trace.parquet(scenario.name, batch.policy, np.array(batch.numbers), kept)))
+
+    def _lines(self, batch: Batch, seeds: Sequence[int], definition: Any, measured: Measured) -> list[EpisodeResult]:
+        metrics = measured.results()
+        return [
+            EpisodeResult(
+                suite=self._suite,
+                scenario=batch.scenario.name,
+                scenario_hash=batch.scenario.hash(definition.hash),
+                policy=batch.policy,
+                episode=number,
+                seed=self._seed,
+                episode_seed=seeds[car],
+                failed=bool(measured.failed[car]),
+                steps=int(measured.count[car]),
+                metrics={key: float(values[car]) for key, values in metrics.items()},
+                version=lanekeep_env.__version__,
+            )
+            for car, number in enumerate(batch.numbers)
+            if number in batch.missing
+        ]
 
 
 def evaluate(
@@ -210,54 +216,14 @@ def evaluate(
     *,
     episodes: int,
     seed: int,
-    cars: int = CARS,
+    cars: int | None = None,
     done: Collection[Place] = frozenset(),
-    keep_trace: KeepTrace | None = None,
 ) -> Iterator[list[EpisodeResult]]:
-    """Yield the results scenario by scenario, chunk by chunk of episodes, policy by policy, as they finish.
-
-    ``keep_trace`` gets the trace of each chunk before its results come, scenario, policy, the numbers of the episodes
-    and which of them failed, (n,) each.
-
-    Episodes in ``done`` are left out. A chunk of which some are done is driven whole all the same: with the same
-    neighbours the result is the same even where a policy's rows are not independent to the last bit.
-    """
-    for scenario in suite.scenarios:
-        for first in range(0, episodes, cars):
-            numbers = range(first, min(first + cars, episodes))
-            missing = {name: {n for n in numbers if (scenario.name, name, n) not in done} for name in policies}
-            if not any(missing.values()):
-                continue
-            seeds = [episode_seed(suite.name, scenario.name, number, seed) for number in numbers]
-            env = make_cars(scenario, len(seeds))
-            definition = env.unwrapped.scenario
-            scenario_hash = scenario.hash(definition.hash)
-            for name in filter(missing.get, policies):
-                policy = make_policy(name, scenario.policies_scenario(definition))
-                limit = definition.episode_steps * definition.control_step if hasattr(definition, "laps") else None
-                steps = drive(env, policy, seeds, scenario.options)
-                trace = Trace([channel.name for channel in definition.channels])
-                metrics, failed, count = measure(trace.watch(steps) if keep_trace else steps, len(seeds), limit)
-                if keep_trace is not None:
-                    keep_trace(trace, scenario.name, name, np.array(numbers), failed)
-                yield [
-                    EpisodeResult(
-                        suite=suite.name,
-                        scenario=scenario.name,
-                        scenario_hash=scenario_hash,
-                        policy=name,
-                        episode=number,
-                        seed=seed,
-                        episode_seed=seeds[car],
-                        failed=bool(failed[car]),
-                        steps=int(count[car]),
-                        metrics={key: float(values[car]) for key, values in metrics.items()},
-                        version=lanekeep_env.__version__,
-                    )
-                    for car, number in enumerate(numbers)
-                    if number in missing[name]
-                ]
-            env.close()
+    """Yield the results of batch after batch (`batches`), as they finish."""
+    driver = Driver(suite.name, seed, make_policy)
+    for batch in batches(suite, policies, episodes, done, cars):
+        yield driver.drive(batch).results
+    driver.close()
 
 
 def record(scenario: SuiteScenario, policy: Policy, seed: int) -> dict[str, NDArray[np.float64]]:

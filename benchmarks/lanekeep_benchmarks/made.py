@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 from gymnasium.envs.registration import load_env_creator
 
 from lanekeep_benchmarks.evaluate import make_cars
+from lanekeep_benchmarks.metrics import metrics_of
 from lanekeep_benchmarks.policies import check_policy, default_policies
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
 
 
-def make_definitions(suite: Suite, where: str) -> dict[str, Any]:
+class Made(NamedTuple):
+    """What is driven in a scenario, and the keys of its metrics."""
+
+    definition: Any
+    metrics: tuple[str, ...]
+
+
+def make_definitions(suite: Suite, where: str) -> dict[str, Made]:
     """Return what is driven in each scenario, by its name; errors begin with ``where`` the suite is from.
 
     Raises:
@@ -28,7 +36,7 @@ def make_definitions(suite: Suite, where: str) -> dict[str, Any]:
     return definitions
 
 
-def _made(scenario: SuiteScenario) -> Any:
+def _made(scenario: SuiteScenario) -> Made:
     spec: Any = gym.spec(scenario.env_id)
     environment: Any = load_env_creator(spec.vector_entry_point)
     record = environment.scenario_class
@@ -37,10 +45,11 @@ def _made(scenario: SuiteScenario) -> Any:
     # What has no effect on the car that policies believe in has one on the true one.
     scenario.policies_scenario(definition)
     env = make_cars(scenario, 1)
+    metrics = metrics_of(scenario.env_id, env.unwrapped.truth, scenario.metrics)
     if scenario.options:
         env.reset(seed=0, options=dict(scenario.options))
     env.close()
-    return definition
+    return Made(definition, metrics)
 
 
 def policies_of(suite: Suite, definitions: Iterable[Any], where: str) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -43,6 +44,8 @@ def play_command(
     with interruptible(""), input_errors():
         if human and gif is not None:
             raise ValueError("--human and --gif exclude each other")
+        if human:
+            _check_display()
         if (run is None) != (episode is None):
             raise ValueError("--run and --episode go together: a results folder, and the number of an episode in it")
         if run is not None and episode is not None:
@@ -92,6 +95,19 @@ def _fresh(env_id: str, policy: str | None, road: str | None, world: str | None,
     if world is not None:
         keywords["world"] = world_from(world)
     return playing.Drive.fresh(env_id, entry or entry_of(playing.preferred(env_id, **keywords)), seed, keywords)
+
+
+def _check_display() -> None:
+    """Raise ValueError where no window can be seen, unless SDL_VIDEODRIVER says that none shall be."""
+    import pygame
+
+    try:
+        pygame.display.init()
+        seen = "SDL_VIDEODRIVER" in os.environ or pygame.display.get_driver() not in ("dummy", "offscreen")
+    except pygame.error:
+        seen = False
+    if not seen:
+        raise ValueError("--human needs a display, and there is none; leave it out for a GIF")
 
 
 def _in_a_path(policy: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import uuid
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,11 +33,13 @@ class Entry:
         name: in result lines and tables.
         make: takes a scenario, gives the policy designed for it.
         sha256: of its file, or of the one with its code; None where the hash of the packages' sources tells it.
+        given: what it was made from, a text or somebody's object, by which another process has it too (`rebuilt`).
     """
 
     name: str
     make: Callable[[Any], Policy]
     sha256: str | None = None
+    given: Any = None
 
 
 def known_policies() -> tuple[str, ...]:
@@ -65,22 +67,24 @@ def check_policy(name: str) -> None:
         raise ValueError(_unknown(name))
 
 
-def _unknown(name: str) -> str:
-    """What to say of a name that no policy has."""
-    classical = ", ".join(lanekeep_baselines.names())
+def _unknown(name: str, fitting: Callable[[], Sequence[str]] = lanekeep_baselines.names) -> str:
+    """What to say of a name that no policy has; ``fitting`` gives those that there are, or that fit."""
+    all_ = fitting is lanekeep_baselines.names
+    learned = ", a learned one (lanekeep zoo lists them)" if all_ else " (lanekeep zoo describes the learned ones)"
     return (
-        f"policy {shown(name)} is unknown{nearest(name, known_policies())}; allowed: {classical}, a learned one "
-        f"(lanekeep zoo lists them), or a {FILE} file"
+        f"policy {shown(name)} is unknown{nearest(name, known_policies())}; allowed: {', '.join(fitting())}{learned}, "
+        f"or a {FILE} file"
     )
 
 
-def entry_of(given: Any, code: bool = True) -> Entry:
+def entry_of(given: Any, code: bool = True, fitting: Callable[[], Sequence[str]] = lanekeep_baselines.names) -> Entry:
     """Return the entry of what a person names or hands over.
 
     Args:
         given: a name, the path of a learned policy's file, ``module:factory``, ``path/to/file.py:factory``; in Python
             also a factory (takes a scenario, gives a policy) or a policy, an object with ``predict``.
         code: whether a text may name code: never where it comes from a file.
+        fitting: gives the names that the error about an unknown one lists.
 
     Raises:
         ValueError: there is no such policy, or its code fails.
@@ -90,18 +94,18 @@ def entry_of(given: Any, code: bool = True) -> Entry:
     if not isinstance(given, str):
         return _handed_over(given)
     if code and is_code(given) and not given.endswith(FILE):
-        return _own(given, load_factory(given))
+        return _own(given, load_factory(given), given)
     if code and given.endswith(SOURCE):
         raise ValueError(
             f"policy {shown(given)} lacks the factory's name; allowed: {shown_path(given)}:NAME, a function or a class"
         )
     if code and given not in known_policies() and not given.endswith(FILE):
-        raise ValueError(f"{_unknown(given)}, or code of your own, {FORMS}")
+        raise ValueError(f"{_unknown(given, fitting)}, or code of your own, {FORMS}")
     check_policy(given)
     registered = lanekeep_baselines.registered(given)
     if registered is not None:
-        return _own(given, registered)
-    return Entry(given, lambda scenario: make_policy(given, scenario), policy_digest(given))
+        return _own(given, registered, registered)
+    return Entry(given, lambda scenario: make_policy(given, scenario), policy_digest(given), given)
 
 
 def _handed_over(given: Any) -> Entry:
@@ -114,11 +118,16 @@ def _handed_over(given: Any) -> Entry:
         )
     name = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
     factory = (lambda scenario: given) if drives else given
-    return Entry(str(name), lambda scenario: Checked(str(name), factory, scenario), _code_of(given))
+    return replace(_own(str(name), factory, given), sha256=_code_of(given))
 
 
-def _own(name: str, factory: Callable[[Any], Any]) -> Entry:
-    return Entry(name, lambda scenario: Checked(name, factory, scenario), _code_of(factory))
+def rebuilt(name: str, given: Any) -> Entry:
+    """Return an entry again, in another process, from its ``name`` and what it was ``given``."""
+    return entry_of(given) if isinstance(given, str) else replace(_handed_over(given), name=name)
+
+
+def _own(name: str, factory: Callable[[Any], Any], given: Any) -> Entry:
+    return Entry(name, lambda scenario: Checked(name, factory, scenario), _code_of(factory), given)
 
 
 def _code_of(thing: Any) -> str:

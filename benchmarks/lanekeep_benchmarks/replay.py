@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 
-from lanekeep_benchmarks.evaluate import EpisodeResult
+from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.made import make_definitions
-from lanekeep_benchmarks.policies import Entry, entry_of
+from lanekeep_benchmarks.own_code import is_code
+from lanekeep_benchmarks.policies import FILE, Entry, entry_of, known_policies
 from lanekeep_benchmarks.results import EPISODES, LARGEST_LINES, read_lines
 from lanekeep_benchmarks.run_record import RUN, RunRecord
 from lanekeep_benchmarks.suites import SuiteScenario, find_suite, road_suite
@@ -51,7 +52,11 @@ def find_line(folder: Path, episode: int, scenario: str | None, policy: str | No
     record = RunRecord.read(folder)
     if record is None:
         raise ValueError(f"--run {shown_path(folder)} holds no run: {RUN} is missing")
-    suite = find_suite(record.suite_file or record.suite) if record.road is None else road_suite(Path(record.road))
+    suite = (
+        find_suite(record.suite_file or record.suite)
+        if record.road is None
+        else road_suite(Path(record.road), record.smoothing)
+    )
     scenarios = {one.name: one for one in suite.scenarios}
     name = _only("--scenario", scenario, list(scenarios))
     label = _only("--policy", policy, list(record.policies))
@@ -65,11 +70,16 @@ def find_line(folder: Path, episode: int, scenario: str | None, policy: str | No
             f"a complete run has 0 to {record.episodes - 1}, this one may have been stopped"
         )
     where = f"suite {shown_path(record.suite_file or record.suite)}"
-    now = scenarios[name].hash(make_definitions(suite, where)[name].hash)
+    now = scenarios[name].hash(make_definitions(suite, where)[name].definition.hash)
     if now != line.scenario_hash:
         raise ValueError(
             f"scenario {name} is not the one of the run: its hash is {now}, the line says {shown(line.scenario_hash)}; "
             "restore the file of its suite, road or world as it was when the run began"
+        )
+    if label in record.policy_sha256 and label not in known_policies() and not (is_code(label) or label.endswith(FILE)):
+        raise ValueError(
+            f"policy {shown(label)} was handed over in Python, so that no command can make it again; "
+            "name it in the run as module:factory or path/to/file.py:factory"
         )
     entry = entry_of(label, code=policy is not None)
     if record.policy_sha256.get(label) != entry.sha256:

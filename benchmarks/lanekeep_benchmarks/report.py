@@ -9,23 +9,25 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from lanekeep_benchmarks.summary import COLUMNS, RATE, Column, columns_of
+from lanekeep_benchmarks.metrics import METRICS, Metric
+from lanekeep_benchmarks.statistics import BOOTSTRAP_FROM, MARKS_FROM
+from lanekeep_benchmarks.summary import RATE, RETURN, columns_of
 
-#: Key of the metric that weighs error, steering and departures as the environment does.
-RETURN = "return"
 #: How a cell shows that the interval of the paired difference to the reference excludes zero.
 MARKS = {"better": " ▲", "worse": " ▼", "tie": ""}
 
 
-def headings(columns: Sequence[Column], reference: str) -> list[str]:
+def headings(columns: Sequence[Metric], reference: str) -> list[str]:
     """Column headings of a scenario's table."""
     names = [f"{column.label} [{column.unit}]" if column.unit else column.label for column in columns]
-    return ["policy", "failure rate [%]", *names, f"{columns[0].label} − {reference}'s [{columns[0].unit}]"]
+    first, unit = columns[0].label, f" [{columns[0].unit}]" if columns[0].unit else ""
+    middle = [f"interquartile mean of {first}{unit}", f"median of {first}{unit}", "episodes won [%]"]
+    return ["policy", "failure rate [%]", *names, f"{first} − {reference}'s{unit}", *middle]
 
 
-def cells(row: dict[str, Any], columns: Sequence[Column]) -> list[tuple[str, str]]:
+def cells(row: dict[str, Any], columns: Sequence[Metric]) -> list[tuple[str, str]]:
     """One policy's cells as (value, interval) in the order of the headings, without the policy's name."""
-    numbers = [(RATE, {key: 100 * bound for key, bound in row["failure_rate"].items()}, 1)]
+    numbers = [(RATE, _percent(row["failure_rate"]), 1)]
     numbers += [(column.key, row["metrics"][column.key], column.digits) for column in columns]
     found = []
     for key, number, digits in numbers:
@@ -34,7 +36,13 @@ def cells(row: dict[str, Any], columns: Sequence[Column]) -> list[tuple[str, str
     difference = row["difference_to_reference"]
     first = columns[0]
     found.append(_cell(difference[first.key], first.digits, sign="+") if difference else ("reference", ""))
-    return found
+    found.append(_cell(row["interquartile_mean"][first.key], first.digits))
+    found.append((f"{row['median'][first.key]:.{first.digits}f}", ""))
+    return [*found, _cell(_percent(row["won"]), 1)]
+
+
+def _percent(interval: dict[str, float | None]) -> dict[str, float | None]:
+    return {key: None if bound is None else 100 * bound for key, bound in interval.items()}
 
 
 def _cell(interval: dict[str, float | None], digits: int, sign: str = "") -> tuple[str, str]:
@@ -60,8 +68,13 @@ def caption(summary: dict[str, Any]) -> str:
         if any(row["seeds"] > 1 for row in rows)
         else ""
     )
-    marks = "" if len(rows) == len(summary["scenarios"]) else f"; ▲ better, ▼ worse than {summary['reference']}"
-    return f"{what}; below each mean its {interval}: bootstrap over episodes{seeds}, Wilson for the rate{marks}"
+    marks = f"; ▲ better, ▼ worse than {summary['reference']}"
+    if episodes < MARKS_FROM:
+        marks = f"; from {MARKS_FROM} episodes on, marks say what is better or worse than {summary['reference']}"
+    if len(rows) == len(summary["scenarios"]):
+        marks = ""
+    means = "studentised bootstrap over episodes" if episodes >= BOOTSTRAP_FROM else "Student's"
+    return f"{what}; below each mean its {interval}: {means}{seeds}, Wilson for rates{marks}"
 
 
 def terminal_table(scenario: dict[str, Any], reference: str, width: int) -> Table:
@@ -72,8 +85,10 @@ def terminal_table(scenario: dict[str, Any], reference: str, width: int) -> Tabl
     """
     columns = columns_of(scenario["policies"])
     count = len(headings(columns, reference))
-    # The rate and the first metric stay; then the last column, the difference, and the metrics from the last on.
-    order = [1, 2, count - 1, *range(count - 2, 2, -1)]
+    # The rate and the first metric stay; then the difference, the last metric, the others, the middles and the wins.
+    difference = count - 4
+    last = [difference - 1] if difference > 3 else []
+    order = [1, 2, difference, *last, *range(3, difference - 1), *range(difference + 1, count)]
     for kept in range(len(order), 0, -1):
         for folded in (0,) if kept == len(order) else (0, 20, 12):
             table = _table(scenario, reference, order[:kept], folded, width)
@@ -132,7 +147,7 @@ def overview(summary: dict[str, Any]) -> list[str]:
     scenarios = summary["scenarios"]
     lines = ["", "## Return", "", f"| policy | {' | '.join(scenario['scenario'] for scenario in scenarios)} |"]
     lines.append(f"|---{'|---:' * len(scenarios)}|")
-    digits = next(column.digits for column in COLUMNS if column.key == RETURN) + 1
+    digits = METRICS[RETURN].digits + 1
     for rows in zip(*(scenario["policies"] for scenario in scenarios), strict=True):
         texts = []
         for row in rows:
@@ -145,11 +160,25 @@ def overview(summary: dict[str, Any]) -> list[str]:
     return lines
 
 
+def improvement(summary: dict[str, Any]) -> list[str]:
+    """How likely training runs beat the reference's, as lines of Markdown; none where nothing was trained."""
+    if not summary["improvement"]:
+        return []
+    lines = ["", "## Probability of improvement", ""]
+    lines += [f"That a run has more return than one of {summary['reference']} on a scenario drawn by chance.", ""]
+    lines += ["| policy | probability [%] |", "|---|---:|"]
+    for label, interval in summary["improvement"].items():
+        value, bounds = _cell(_percent(interval), 1)
+        lines.append(f"| {label} | {value}<br>{bounds} |")
+    return lines
+
+
 def markdown(summary: dict[str, Any]) -> str:
     """All tables of a run as Markdown."""
     lines = [f"# {summary['suite']}: {summary['description']}", "", caption(summary) + "."]
-    if len(summary["scenarios"]) > 1:
+    if len(summary["scenarios"]) > 1 and all(RETURN in s["policies"][0]["metrics"] for s in summary["scenarios"]):
         lines += overview(summary)
+    lines += improvement(summary)
     for scenario in summary["scenarios"]:
         columns = columns_of(scenario["policies"])
         names = headings(columns, summary["reference"])

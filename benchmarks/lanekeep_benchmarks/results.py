@@ -8,12 +8,14 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 
-from lanekeep_benchmarks.evaluate import EpisodeResult
+from lanekeep_benchmarks.evaluate import Driven
+from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.run_record import ANEW, RUN, RunRecord, another_run, told
 from lanekeep_benchmarks.traces import FOLDER
 from lanekeep_env.files import locked, open_to_append, read_bounded, require_ordinary, write_atomic
@@ -24,6 +26,8 @@ TABLE = "summary.md"
 #: Bytes beyond which result lines are not read: `MOST_EPISODES` with policies named by long paths, a line alone.
 LARGEST_LINES = 1 << 29
 LONGEST_LINE = 1 << 16
+#: How differences of policies begin.
+_HASH = "policy_sha256 of "
 #: What every result line begins with.
 _BEGINNING = b'{"suite": "'
 
@@ -54,6 +58,38 @@ def read_lines(content: bytes) -> Iterator[tuple[int, EpisodeResult]]:
             raise ValueError(f"line {number} is not the beginning of a result line")
 
 
+def written(folder: ResultFolder, batches: Iterable[Driven]) -> Iterator[list[EpisodeResult]]:
+    """Write what is driven while the next is being driven; yield the lines that are on disk.
+
+    The steps of a batch are on disk before its lines are.
+    """
+
+    failed = False
+
+    def write(driven: Driven) -> list[EpisodeResult]:
+        nonlocal failed
+        if failed:  # a full disk: what comes after is driven again, too
+            return []
+        failed = True
+        if driven.trace is not None:
+            name, content = driven.trace
+            folder.write(name, content())
+        folder.append(driven.results)
+        failed = False
+        return driven.results
+
+    with ThreadPoolExecutor(1, "writer") as writer:
+        # Whatever ends the run, the writer ends what it has begun.
+        before: Future[list[EpisodeResult]] | None = None
+        for driven in batches:
+            now = writer.submit(write, driven)
+            if before is not None:
+                yield before.result()
+            before = now
+        if before is not None:
+            yield before.result()
+
+
 class ResultFolder:
     """An open results folder; a context manager that closes the file of result lines.
 
@@ -78,7 +114,10 @@ class ResultFolder:
         self._open = ExitStack()
         try:
             self._open.enter_context(locked(path))
-            if self._files() and not overwrite and not resume:
+            files = self._files()
+            # What ended before its first line has left nothing to lose.
+            overwrite = overwrite or not (resume or self._holds_results())
+            if files and not overwrite and not resume:
                 raise ValueError(
                     f"--out {path} already holds results; name another folder, or pass --resume to complete them or"
                     " --overwrite to replace them"
@@ -99,6 +138,11 @@ class ResultFolder:
         require_ordinary(*found, *self.path.glob("plot_*.png"), *self.path.glob(f"{FOLDER}/*.parquet"))
         return found
 
+    def _holds_results(self) -> bool:
+        lines = self.path / EPISODES
+        whole = any(os.path.lexists(self.path / name) for name in (SUMMARY, TABLE))
+        return whole or (os.path.lexists(lines) and lines.stat().st_size > 0)
+
     def _take_up(self, record: RunRecord) -> int:
         """Read what a run left, all of which must be of this run; return how many bytes of lines are whole."""
         file = self.path / EPISODES
@@ -110,19 +154,24 @@ class ResultFolder:
         found = RunRecord.read(self.path)
         if found is None and whole:
             raise ValueError(f"--out {self.path} holds result lines, but no {RUN} that says of which run; {ANEW}")
-        if found is not None and (differences := record.differences(found)):
+        differences = [] if found is None else record.differences(found)
+        # A controller that failed before its first line may have been mended since.
+        mended = {name.removeprefix(_HASH) for name, _, _ in differences if name.startswith(_HASH)}
+        if len(mended) < len(differences):
             raise another_run(self.path, differences)
         places = set()
         try:
             for number, line in read_lines(content):
-                if differences := record.line_differences(line):
-                    raise ValueError(f"line {number} is of another run: {told(differences)}")
+                if foreign := record.line_differences(line):
+                    raise ValueError(f"line {number} is of another run: {told(foreign)}")
                 if line.place in places:
                     raise ValueError(f"line {number} repeats {line.scenario}, {line.policy}, episode {line.episode}")
                 places.add(line.place)
                 self.earlier.append(line)
         except ValueError as error:
             raise ValueError(f"{file} {error}; {ANEW}") from None
+        if mended & {line.policy for line in self.earlier}:
+            raise another_run(self.path, differences)
         self.torn = len(content) > whole
         return whole
 

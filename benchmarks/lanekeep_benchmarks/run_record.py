@@ -14,7 +14,8 @@ from typing import Any
 import lanekeep_agents
 import lanekeep_baselines
 import lanekeep_env
-from lanekeep_benchmarks.evaluate import EpisodeResult, check_kinds, episode_seed, require_mapping
+from lanekeep_benchmarks.evaluate import episode_seed
+from lanekeep_benchmarks.lines import EpisodeResult, check_kinds, require_mapping
 from lanekeep_env.checks import from_mapping, require, shown
 from lanekeep_env.files import read_bounded
 from lanekeep_env.plain import parse_json
@@ -31,7 +32,7 @@ ANEW = "name another folder, or start anew there with --overwrite instead of --r
 #: What to do where a field differs. Options that are left out are those of the run in the folder.
 _ADVICE = {
     "version": "install that version",
-    "code": "restore lanekeep_env, lanekeep_baselines, lanekeep_agents and evaluate.py as they were when the run began",
+    "code": "restore lanekeep_env, lanekeep_baselines, lanekeep_agents, evaluate.py and metrics.py as the run had them",
     "suite": "leave the suite and --road out, and its file as it was when the run began",
     "policies": "leave --policies out",
     "episodes": "leave --episodes out",
@@ -49,7 +50,9 @@ Difference = tuple[str, Any, Any]
 @cache
 def code_hash() -> str:
     """Hash of the sources that make result lines, 16 hexadecimal digits: an edit leaves the version as it is."""
-    digest = hashlib.sha256(Path(__file__).with_name("evaluate.py").read_bytes())
+    digest = hashlib.sha256()
+    for own in ("evaluate.py", "metrics.py"):
+        digest.update(Path(__file__).with_name(own).read_bytes())
     for package in (lanekeep_env, lanekeep_baselines, lanekeep_agents):
         folder = Path(package.__path__[0])
         for file in sorted(folder.rglob("*.py")):
@@ -63,7 +66,7 @@ class RunRecord:
 
     ``road`` and ``suite_file`` are paths of files, None where the package's own is driven; ``policy_sha256`` tells
     learned policies and own code from others of their name; ``metrics`` has the names of those of each scenario;
-    ``trace`` keeps the steps of all episodes, not only of those that failed.
+    ``smoothing`` is that of the road, m. ``trace`` keeps the steps of all episodes, not only of those that failed.
     """
 
     version: str
@@ -78,6 +81,7 @@ class RunRecord:
     metrics: Mapping[str, Sequence[str]] = field(default_factory=dict)
     suite_file: str | None = None
     trace: bool = False
+    smoothing: float | None = None
 
     def to_json(self) -> str:
         """The content of `run.json`."""
@@ -121,6 +125,7 @@ class RunRecord:
             path = getattr(self, name)
             if not (path is None or isinstance(path, str)):
                 raise ValueError(f"{name}={shown(path)} is not allowed: it must be a path or null")
+        require("smoothing", self.smoothing, "m", at_least=0.0, at_most=100.0, optional=True)
         _texts("policies", self.policies)
         for name, kind in (("scenario_hash", _text), ("policy_sha256", _text), ("metrics", _texts)):
             require_mapping(name, getattr(self, name))
@@ -155,8 +160,8 @@ class RunRecord:
         }
         pairs = [(name, getattr(line, name), value) for name, value in wanted.items() if getattr(line, name) != value]
         metrics = self.metrics.get(line.scenario, ())
-        pairs += [(f"metrics.{name}", "missing", "a number") for name in metrics if name not in line.metrics]
-        return pairs + [(f"metrics.{name}", "a number", "none") for name in line.metrics if name not in metrics]
+        pairs += [(f"metrics.{name}", "a number", "none") for name in line.metrics if name not in metrics]
+        return pairs + [(f"metrics.{name}", "missing", "a number") for name in metrics if name not in line.metrics]
 
 
 def _text(name: str, value: Any) -> None:

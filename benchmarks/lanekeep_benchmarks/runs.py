@@ -1,130 +1,83 @@
-"""One benchmark run from its options to its files: plan, drive, report."""
+"""One benchmark run from its options to its result lines: plan, folder, drive."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-import lanekeep_env
-from lanekeep_benchmarks import plots
-from lanekeep_benchmarks.evaluate import (
-    EpisodeResult,
-    Policy,
-    episode_seed,
-    evaluate,
-    make_cars,
-    metric_names,
-    record,
-)
-from lanekeep_benchmarks.made import make_definitions, policies_of
+from lanekeep_benchmarks.engines import Engine, Work, check_travels, drive_all
+from lanekeep_benchmarks.evaluate import batches
 from lanekeep_benchmarks.own_code import is_code
-from lanekeep_benchmarks.policies import FILE, Entry, entry_of
-from lanekeep_benchmarks.report import markdown
-from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder, default_folder
-from lanekeep_benchmarks.run_record import MOST_EPISODES, RunRecord, code_hash
-from lanekeep_benchmarks.suites import ENDING, Suite, find_suite, road_suite
-from lanekeep_benchmarks.summary import rows_of, summarise
-from lanekeep_benchmarks.traces import Trace, file_name
-from lanekeep_env.checks import require, shown, shown_path
-from lanekeep_env.scenario import RoadScenario
+from lanekeep_benchmarks.plan import Plan, make_plan
+from lanekeep_benchmarks.policies import FILE
+from lanekeep_benchmarks.results import ResultFolder, default_folder, written
+from lanekeep_benchmarks.run_record import RunRecord
+from lanekeep_benchmarks.suites import Suite
 
 
-@dataclass
-class Plan:
-    """What a run does; ``results`` fill while it drives."""
+@dataclass(frozen=True)
+class Options:
+    """What a person asks for; None where it is left out, and then the suite's, or that of the run to complete.
 
-    suite: Suite
-    entries: dict[str, Entry]
-    episodes: int
-    seed: int
-    road: Path | None
-    suite_file: str | None = None
+    Those of `lanekeep_benchmarks.benchmark`, and ``road``, the file of a centre line to drive instead of a suite, whose
+    points scatter by ``smoothing``, m.
+    """
+
+    suite: str | Suite | None = None
+    policies: Sequence[Any] | None = None
+    road: Path | None = None
+    smoothing: float | None = None
+    episodes: int | None = None
+    seed: int | None = None
+    out: Path | None = None
+    overwrite: bool = False
+    resume: bool = False
     trace: bool = False
-    scenario_hash: dict[str, str] = field(default_factory=dict)
-    policy_sha256: dict[str, str] = field(default_factory=dict)
-    metrics: dict[str, list[str]] = field(default_factory=dict)
-    results: list[EpisodeResult] = field(default_factory=list)
-    _made: dict[tuple[str, str], Policy] = field(default_factory=dict)
-
-    def policy(self, name: str, definition: RoadScenario) -> Policy:
-        """Return the policy designed for that definition; policies are pure, so one serves the whole run."""
-        key = name, definition.hash
-        if key not in self._made:
-            self._made[key] = self.entries[name].make(definition)
-        return self._made[key]
-
-    @property
-    def policies(self) -> list[str]:
-        """Names of the policies, the reference first."""
-        return list(self.entries)
-
-    @property
-    def total(self) -> int:
-        """Number of episodes to drive."""
-        return len(self.suite.scenarios) * len(self.policies) * self.episodes
-
-    @property
-    def record(self) -> RunRecord:
-        """What `run.json` keeps of it."""
-        return RunRecord(
-            version=lanekeep_env.__version__,
-            code=code_hash(),
-            suite=self.suite.name,
-            road=None if self.road is None else str(self.road),
-            policies=self.policies,
-            episodes=self.episodes,
-            seed=self.seed,
-            scenario_hash=self.scenario_hash,
-            policy_sha256=self.policy_sha256,
-            metrics=self.metrics,
-            suite_file=self.suite_file,
-            trace=self.trace,
-        )
+    engine: Engine = field(default_factory=Engine)
 
 
-def open_run(
-    suite: str | Suite | None,
-    policies: Sequence[Any] | None,
-    road: Path | None,
-    episodes: int | None,
-    seed: int | None,
-    *,
-    out: Path | None,
-    overwrite: bool = False,
-    resume: bool = False,
-    trace: bool = False,
-) -> tuple[Plan, ResultFolder]:
+def open_run(options: Options) -> tuple[Plan, ResultFolder]:
     """Read the options and open the folder; what a resumed run has driven already is in the plan's results.
 
     Raises:
         ValueError, OSError: options that are not allowed, or a folder that holds results which must stay.
     """
+    resume, out = options.resume, options.out
     if resume and out is None:
         raise ValueError("--resume needs --out, the folder of the run to complete")
-    if resume and overwrite:
+    if resume and options.overwrite:
         raise ValueError("--resume and --overwrite exclude each other; the one keeps results, the other removes them")
     if resume and out is not None and (found := RunRecord.read(out)) is not None:
-        if suite is None and road is None:
-            suite, road = (found.suite_file or found.suite, None) if found.road is None else (None, Path(found.road))
-        policies = _named_in(found) if policies is None else policies
-        episodes = found.episodes if episodes is None else episodes
-        seed = found.seed if seed is None else seed
-        trace = trace or found.trace
-    elif resume and suite is None and road is None and policies is None:
+        options = _of_the_run(options, found)
+    elif resume and options.suite is None and options.road is None and options.policies is None:
         raise ValueError(
             f"--out {out} holds no run to resume; name its folder, or a SUITE or --road to start one there"
         )
-    plan = make_plan(suite, policies, road, episodes, 0 if seed is None else seed)
-    plan.trace = trace
-    folder = ResultFolder(out or default_folder(plan.suite.name), plan.record, overwrite, resume)
+    seed = 0 if options.seed is None else options.seed
+    plan = make_plan(options.suite, options.policies, options.road, options.episodes, seed, options.smoothing)
+    plan.trace, plan.engine = options.trace, options.engine
+    check_travels(plan.engine, {name: entry.given for name, entry in plan.entries.items()})
+    folder = ResultFolder(out or default_folder(plan.suite.name), plan.record, options.overwrite, resume)
     plan.results += folder.earlier
     return plan, folder
+
+
+def _of_the_run(options: Options, found: RunRecord) -> Options:
+    """The options with what is left out as it is in the run to complete."""
+    if options.suite is None and options.road is None:
+        road = None if found.road is None else Path(found.road)
+        suite = (found.suite_file or found.suite) if road is None else None
+        smoothing = found.smoothing if options.smoothing is None else options.smoothing
+        options = replace(options, suite=suite, road=road, smoothing=smoothing)
+    return replace(
+        options,
+        policies=_named_in(found) if options.policies is None else options.policies,
+        episodes=found.episodes if options.episodes is None else options.episodes,
+        seed=found.seed if options.seed is None else options.seed,
+        trace=options.trace or found.trace,
+    )
 
 
 def _named_in(record: RunRecord) -> tuple[str, ...]:
@@ -138,98 +91,17 @@ def _named_in(record: RunRecord) -> tuple[str, ...]:
     return tuple(record.policies)
 
 
-def make_plan(
-    suite: str | Suite | None, policies: Sequence[Any] | None, road: Path | None, episodes: int | None, seed: int
-) -> Plan:
-    """Read the options; build everything once, so that nothing is driven before all of it is known to work.
-
-    ``policies``: what `entry_of` takes; None for the suite's own.
-
-    Raises:
-        ValueError, OSError: unknown suite or policy, a scenario that cannot be made, a policy that cannot drive one, or
-            a road that cannot be driven.
-    """
-    require("--episodes", episodes, "", at_least=1, at_most=MOST_EPISODES, whole=True, optional=True)
-    require("--seed", seed, "", at_least=0, whole=True)
-    if suite is not None and road is not None:
-        raise ValueError(f"suite {shown(suite)} and --road {road} exclude each other; give one of them")
-    if isinstance(suite, Suite):
-        chosen = suite
-    else:
-        chosen = find_suite(suite or "classical") if road is None else road_suite(road)
-    file = suite if isinstance(suite, str) and suite.endswith(ENDING) else None
-    where = f"suite {shown_path(file or chosen.name)}"
-    definitions = make_definitions(chosen, where)
-    if policies is None:
-        entries = [entry_of(name, code=False) for name in policies_of(chosen, definitions.values(), where)]
-    else:
-        entries = [entry_of(given) for given in policies]
-    names = [entry.name for entry in entries]
-    if not names or len(set(names)) < len(names):
-        raise ValueError(f"policies {shown(', '.join(names))} are not allowed: one or more with different names")
-    plan = Plan(chosen, dict(zip(names, entries, strict=True)), episodes or chosen.episodes, seed, road, file)
-    if plan.total > MOST_EPISODES:
-        raise ValueError(
-            f"--episodes {plan.episodes} is not allowed: over {len(chosen.scenarios)} scenarios and {len(names)} "
-            f"policies these are {plan.total} episodes, allowed are {MOST_EPISODES}"
-        )
-    for scenario in chosen.scenarios:
-        definition = definitions[scenario.name]
-        plan.scenario_hash[scenario.name] = scenario.hash(definition.hash)
-        plan.metrics[scenario.name] = list(metric_names(hasattr(definition, "laps")))
-        for name in names:
-            try:
-                plan.policy(name, scenario.policies_scenario(definition))
-            except (ValueError, ImportError) as error:
-                raise ValueError(f"{name} cannot drive {scenario.name} of {chosen.name}: {error}") from error
-    plan.policy_sha256 |= {entry.name: entry.sha256 for entry in entries if entry.sha256 is not None}
-    return plan
-
-
 def drive(plan: Plan, folder: ResultFolder) -> Iterator[tuple[str, int]]:
-    """Drive what has no result yet, each line on disk as its chunk ends; yield (what was driven, how many)."""
-
-    def keep(trace: Trace, scenario: str, policy: str, episodes: NDArray[np.int64], failed: NDArray[np.bool_]) -> None:
-        kept = np.ones_like(failed) if plan.trace else failed
-        if kept.any():
-            name = file_name(scenario, policy, int(episodes[0]))
-            folder.write(name, trace.parquet(scenario, policy, episodes, kept))
-
-    batches = evaluate(
-        plan.suite,
-        plan.policies,
-        plan.policy,
-        episodes=plan.episodes,
-        seed=plan.seed,
-        done={result.place for result in plan.results},
-        keep_trace=keep,
+    """Drive what has no result yet; yield (what was driven, how many) when it is on disk."""
+    done = {result.place for result in plan.results}
+    work = Work(
+        plan.suite.name,
+        plan.seed,
+        "all" if plan.trace else "failed",
+        {name: entry.given for name, entry in plan.entries.items()},
+        plan.policy_sha256,
     )
-    for batch in batches:
-        folder.append(batch)
-        plan.results += batch
-        yield f"{batch[0].scenario}: {batch[0].policy}", len(batch)
-
-
-def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
-    """Write summary, tables and plots; return the summary."""
-    summary = summarise(plan.suite, plan.results, plan.policies)
-    folder.write(SUMMARY, json.dumps(summary, indent=1, allow_nan=False) + "\n")
-    folder.write(TABLE, markdown(summary))
-    folder.write("plot_errors.png", plots.plot_errors(summary))
-    for scenario in plan.suite.scenarios:
-        seed = episode_seed(plan.suite.name, scenario.name, 0, plan.seed)
-        env = make_cars(scenario, 1)
-        definition = env.unwrapped.scenario
-        env.close()
-        told = scenario.policies_scenario(definition)
-        # One training seed shows what the others do; more would hide the other policies.
-        shown = [row[0] for row in rows_of(plan.policies).values()]
-        traces = {name: record(scenario, plan.policy(name, told), seed) for name in shown}
-        title = f"{scenario.title}: episode 0, seed {plan.seed}"
-        width = getattr(definition, "lane_width", None)
-        picture = plots.plot_episode(title, traces, definition.control_step, width)
-        folder.write(f"plot_episode_{scenario.name}.png", picture)
-        if plan.road is not None:
-            picture = plots.plot_map(title, definition.road.build()[0], traces, definition.lane_width)
-            folder.write(f"plot_map_{scenario.name}.png", picture)
-    return summary
+    missing = batches(plan.suite, plan.policies, plan.episodes, done)
+    for lines in written(folder, drive_all(plan.engine, work, missing, plan.policy)):
+        plan.results += lines
+        yield f"{lines[0].scenario}: {lines[0].policy}", len(lines)

@@ -1,4 +1,6 @@
-"""Intervals for a handful of paired episodes: percentile bootstrap for means, Wilson for rates, t over training seeds.
+"""Intervals for paired episodes: Student's or a bootstrap for means, Wilson's for rates, t over training seeds.
+
+Which is used for how many episodes is what `coverage` has found to hold 95 %: benchmarks/README.md has its table.
 
 The bootstrap resamples EPISODES, and the same resamples serve every policy and metric, because all policies drive the
 same episodes: a difference of two columns is then a paired difference, without the spread from road to road.
@@ -7,6 +9,7 @@ same episodes: a difference of two columns is then a paired difference, without 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from statistics import NormalDist
 
@@ -15,6 +18,12 @@ from numpy.typing import NDArray
 
 CONFIDENCE = 0.95
 RESAMPLES = 10_000
+#: Episodes from which the studentised bootstrap of a mean covers better than Student's interval.
+BOOTSTRAP_FROM = 5
+#: Episodes below which no difference is called better or worse.
+MARKS_FROM = 10
+#: A ratio of the studentised bootstrap as large stands for a resample of equal values.
+_NO_SPREAD = 1e3
 
 
 @dataclass(frozen=True)
@@ -46,6 +55,31 @@ def wilson(failures: float, episodes: int, confidence: float = CONFIDENCE) -> In
     return Interval(rate, low, high)
 
 
+def paired_rates(ours: NDArray[np.bool_], theirs: NDArray[np.bool_], confidence: float = CONFIDENCE) -> Interval:
+    """Difference of two failure rates on the same episodes, (episodes,) each, ours minus theirs.
+
+    Source: R. G. Newcombe, Improved confidence intervals for the difference between binomial proportions based on
+    paired data, Statistics in Medicine 17 (1998), method 10: Wilson's, squared and added, with their correlation.
+    """
+    episodes = len(ours)
+    first, second = wilson(int(ours.sum()), episodes, confidence), wilson(int(theirs.sum()), episodes, confidence)
+    both, neither = int((ours & theirs).sum()), int((~ours & ~theirs).sum())
+    mine, yours = int((ours & ~theirs).sum()), int((theirs & ~ours).sum())
+    product = (both + mine) * (yours + neither) * (both + yours) * (mine + neither)
+    excess: float = both * neither - mine * yours
+    if excess > 0:  # corrected for continuity
+        excess = max(excess - episodes / 2, 0.0)
+    phi = excess / math.sqrt(product) if product else 0.0
+
+    def bound(mine: float, yours: float) -> float:
+        return math.sqrt(max(mine**2 - 2 * phi * mine * yours + yours**2, 0.0))
+
+    value = first.value - second.value
+    low = value - bound(first.value - first.low, second.high - second.value)
+    high = value + bound(first.high - first.value, second.value - second.low)
+    return Interval(value, low, high)
+
+
 def bootstrap_means(
     values: NDArray[np.float64],
     generator: np.random.Generator,
@@ -69,79 +103,119 @@ def bootstrap_means(
     Source: B. Efron and R. J. Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
     """
     values = np.asarray(values, dtype=np.float64)
-    episodes, columns = values.shape
-    if not episodes:
-        raise ValueError("values of 0 episodes are not allowed: a mean needs one, an interval two")
-    means = values.mean(axis=0)
-    if episodes < 2:
+    means = _means_of(values)
+    if len(values) < 2:
         return [Interval(float(mean), math.nan, math.nan) for mean in means]
-    resampled = np.empty((resamples, columns))
-    block = max(1, 1_000_000 // episodes)  # bounds the memory of the index matrix
-    for start in range(0, resamples, block):
-        rows = min(block, resamples - start)
-        drawn = generator.integers(0, episodes, size=(rows, episodes)) + episodes * np.arange(rows)[:, None]
-        # How often each episode was drawn: a weighted sum replaces gathering every column.
-        counts = np.bincount(drawn.ravel(), minlength=rows * episodes).reshape(rows, episodes)
-        resampled[start : start + rows] = counts @ values / episodes
+    resampled = np.concatenate([drawn @ values for drawn in _draws(len(values), generator, resamples)])
     tail = (1 - confidence) / 2
     low, high = np.quantile(resampled, [tail, 1 - tail], axis=0)
     return [Interval(float(m), float(a), float(b)) for m, a, b in zip(means, low, high, strict=True)]
 
 
-def seeds_mean(
-    ours: NDArray[np.float64], theirs: NDArray[np.float64] | None = None, confidence: float = CONFIDENCE
-) -> Interval:
-    """Mean over training seeds and episodes, or its paired difference to another policy's on the same episodes.
+def studentised_means(
+    values: NDArray[np.float64],
+    generator: np.random.Generator,
+    confidence: float = CONFIDENCE,
+    resamples: int = RESAMPLES,
+) -> list[Interval]:
+    """Mean of each column with its studentised bootstrap interval, which knows of skewed samples.
 
-    Both are drawn by chance, seeds and episodes, every seed meets every episode, and a handful of seeds is too few to
-    resample: the variance is the sum of what episodes and each policy's seeds add, the interval Student's with the
-    degrees of freedom of that sum.
+    Arguments, result and errors are those of `bootstrap_means`. Student's interval where too few episodes differ for a
+    spread in nearly every resample.
+
+    Source: B. Efron and R. J. Tibshirani, An Introduction to the Bootstrap (1993), chapter 12.5 (bootstrap-t).
+    """
+    values = np.asarray(values, dtype=np.float64)
+    means = _means_of(values)
+    plain = student_means(values, confidence)
+    if len(values) < 2:
+        return plain
+    centred = values - means
+    error = values.std(axis=0, ddof=1) / math.sqrt(len(values))
+    # Equal values have no spread but rounding's.
+    spread = error > 1e-12 * np.abs(means)
+    ratios = []
+    for drawn in _draws(len(values), generator, resamples):
+        mean = drawn @ centred
+        variance = drawn @ (centred * centred) - mean * mean
+        variance[variance < 1e-12 * error**2] = 0.0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = mean / np.sqrt(variance / (len(values) - 1))
+        ratios.append(np.clip(np.nan_to_num(ratio, nan=2 * _NO_SPREAD), -2 * _NO_SPREAD, 2 * _NO_SPREAD))
+    tail = (1 - confidence) / 2
+    low, high = np.quantile(np.concatenate(ratios), [tail, 1 - tail], axis=0)
+    some = spread & (np.maximum(-low, high) < _NO_SPREAD)
+    return [
+        Interval(float(m), float(m - b * e), float(m - a * e)) if use else student
+        for m, a, b, e, use, student in zip(means, low, high, error, some, plain, strict=True)
+    ]
+
+
+def _means_of(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    if not len(values):
+        raise ValueError("values of 0 episodes are not allowed: a mean needs one, an interval two")
+    means: NDArray[np.float64] = values.mean(axis=0)
+    return means
+
+
+def _draws(episodes: int, generator: np.random.Generator, resamples: int) -> Iterator[NDArray[np.float64]]:
+    """Yield resamples in blocks (rows, episodes) as weights: how often each episode was drawn, over their number."""
+    block = max(1, 1_000_000 // episodes)  # bounds the memory of the index matrix
+    for start in range(0, resamples, block):
+        rows = min(block, resamples - start)
+        drawn = generator.integers(0, episodes, size=(rows, episodes)) + episodes * np.arange(rows)[:, None]
+        # A weighted sum replaces gathering every column.
+        counts = np.bincount(drawn.ravel(), minlength=rows * episodes).reshape(rows, episodes)
+        yield counts / episodes
+
+
+def means(values: NDArray[np.float64], generator: np.random.Generator) -> list[Interval]:
+    """Mean of each column (episodes, columns) with the interval that covers better for as many episodes."""
+    few = len(values) < BOOTSTRAP_FROM
+    return student_means(values) if few else studentised_means(values, generator)
+
+
+def student_means(values: NDArray[np.float64], confidence: float = CONFIDENCE, trimmed: float = 0.0) -> list[Interval]:
+    """Mean of each column with Student's interval, or that of what is left without its smallest and largest.
 
     Args:
-        ours, theirs: (seeds, episodes), one seed for a policy that was not trained; they need not have as many seeds.
+        values: (episodes, columns).
         confidence: of the interval, 0.95 by default.
+        trimmed: share that is left out at either end; 0.25 gives the interquartile mean.
 
     Raises:
-        ValueError: the policies have not driven the same number of episodes, or none.
+        ValueError: there is no episode.
 
-    Source: F. E. Satterthwaite, An approximate distribution of estimates of variance components, Biometrics 2 (1946).
-    Where only seeds differ it is Welch's interval, where only episodes differ Student's paired one.
+    Source: J. W. Tukey and D. H. McLaughlin, Less vulnerable confidence and significance procedures for location based
+    on a single sample, Sankhya A 25 (1963): the variance is that of the winsorised sample.
     """
     from scipy.stats import t
 
-    policies = [ours] if theirs is None else [ours, theirs]
-    episodes = ours.shape[1]
-    if not episodes or any(values.shape[1] != episodes for values in policies):
-        raise ValueError(f"{[values.shape[1] for values in policies]} episodes are not allowed: as many of each, >= 1")
-    means = [values.mean(axis=0) for values in policies]
-    each = means[0] if theirs is None else means[0] - means[1]
-    value = float(each.mean())
-    if episodes < 2:
-        return Interval(value, math.nan, math.nan)
-    parts = [(each.var(ddof=1) / episodes, episodes - 1)]
-    for values, mean in zip(policies, means, strict=True):
-        seeds = len(values)
-        if seeds > 1:
-            of_seed = values.mean(axis=1)
-            rest = values - of_seed[:, None] - mean + mean.mean()
-            # What a seed does to an episode is in the episodes' part already.
-            both = np.sum(rest**2) / ((seeds - 1) * (episodes - 1)) / (seeds * episodes)
-            parts.append((max(of_seed.var(ddof=1) / seeds - both, 0.0), seeds - 1))
-    variance = sum(part for part, _ in parts)
-    if not variance > 0.0:
-        return Interval(value, value, value)
-    freedom = variance**2 / sum(part**2 / free for part, free in parts)
-    half = float(t.ppf(0.5 + confidence / 2, freedom) * math.sqrt(variance))
-    return Interval(value, value - half, value + half)
+    values = np.sort(np.asarray(values, dtype=np.float64), axis=0) if trimmed else np.asarray(values, dtype=np.float64)
+    episodes = len(values)
+    if not episodes:
+        raise ValueError("values of 0 episodes are not allowed: a mean needs one, an interval two")
+    cut = int(trimmed * episodes)
+    kept = episodes - 2 * cut
+    centre = values[cut : episodes - cut].mean(axis=0)
+    if kept < 2:
+        return [Interval(float(mean), math.nan, math.nan) for mean in centre]
+    winsorised = np.clip(values, values[cut], values[episodes - 1 - cut]) if cut else values
+    squares = ((winsorised - winsorised.mean(axis=0)) ** 2).sum(axis=0)
+    half = float(t.ppf(0.5 + confidence / 2, kept - 1)) * np.sqrt(squares / (kept * (kept - 1)))
+    return [Interval(float(m), float(m - h), float(m + h)) for m, h in zip(centre, half, strict=True)]
 
 
-def seeds_rate(failed: NDArray[np.float64], confidence: float = CONFIDENCE) -> Interval:
-    """Failure rate of (seeds, episodes) that are 1 where the episode failed, else 0.
+def interquartile_means(values: NDArray[np.float64]) -> list[Interval]:
+    """Mean of the middle half of each column (episodes, columns), with its interval."""
+    return student_means(values, trimmed=0.25)
 
-    At least as wide as Wilson's over the episodes, which are the same for all seeds; wider where the seeds differ.
+
+def performance_profile(values: NDArray[np.float64], thresholds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share of ``values`` above each threshold.
+
+    Source: R. Agarwal, M. Schwarzer, P. S. Castro, A. Courville and M. G. Bellemare, Deep reinforcement learning at the
+    edge of the statistical precipice, NeurIPS 2021, equation 1 (score distributions).
     """
-    of_episodes = wilson(float(failed.mean(axis=0).sum()), failed.shape[1], confidence)
-    of_seeds = seeds_mean(failed, confidence=confidence)
-    # NaN of one episode loses against either bound.
-    low, high = np.fmin(of_episodes.low, of_seeds.low), np.fmax(of_episodes.high, of_seeds.high)
-    return Interval(of_episodes.value, max(0.0, float(low)), min(1.0, float(high)))
+    ordered = np.sort(np.asarray(values, dtype=np.float64), axis=None)
+    return 1.0 - np.searchsorted(ordered, thresholds, side="right") / ordered.size

@@ -5,55 +5,43 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lanekeep_benchmarks.evaluate import EpisodeResult
+from lanekeep_benchmarks.lines import EpisodeResult
+from lanekeep_benchmarks.metrics import METRICS, Metric
+from lanekeep_benchmarks.seeds import probability_of_improvement, seeds_mean, seeds_rate
 from lanekeep_benchmarks.statistics import (
     CONFIDENCE,
+    MARKS_FROM,
     RESAMPLES,
     Interval,
-    bootstrap_means,
-    seeds_mean,
-    seeds_rate,
+    interquartile_means,
+    means,
+    paired_rates,
+    student_means,
     wilson,
 )
 from lanekeep_benchmarks.suites import Suite
 
-
-@dataclass(frozen=True)
-class Column:
-    """A metric as the tables show it."""
-
-    key: str
-    label: str
-    unit: str
-    digits: int
-
-
-COLUMNS = (
-    Column("lap_time", "lap time", "s", 2),
-    Column("rms_lateral_error", "RMS lateral error", "m", 3),
-    Column("peak_lateral_error", "peak lateral error", "m", 3),
-    Column("rms_steering_rate", "RMS steering rate", "rad/s", 4),
-    Column("peak_lateral_acceleration", "peak lateral acceleration", "m/s²", 2),
-    Column("return", "return", "", 1),
-)
-#: The metrics of which less is worse.
-MORE_IS_BETTER = ("return",)
 #: Key of the failure rate beside those of the metrics in differences and verdicts.
 RATE = "failure_rate"
 #: Digits of a rate; the tables show it as a percentage.
 RATE_DIGITS = 3
+#: The metric that weighs error, steering and departures as the environment does.
+RETURN = "return"
+#: Share of the reference's mean below which a difference is a tie, however sure it is.
+SMALLEST_SHARE = 0.01
 #: What stands for the training seed in the name that seeds share.
 _ANY_SEED = "-seed*"
 
 
-def columns_of(rows: Sequence[Mapping[str, Any]]) -> tuple[Column, ...]:
-    """The columns of a scenario's policies: those of which it has metrics. The first one is what differences are of."""
-    return tuple(column for column in COLUMNS if column.key in rows[0]["metrics"])
+def columns_of(rows: Sequence[Mapping[str, Any]]) -> tuple[Metric, ...]:
+    """The metrics of a scenario's policies. The first one is what differences are of."""
+    return tuple(METRICS[key] for key in rows[0]["metrics"])
 
 
 def rows_of(policies: Sequence[str]) -> dict[str, list[str]]:
@@ -114,7 +102,30 @@ def summarise(suite: Suite, results: Iterable[EpisodeResult], policies: Sequence
         "resamples": RESAMPLES,
         "reference": next(iter(rows)),
         "scenarios": scenarios,
+        "improvement": _improvement(suite, table, rows),
     }
+
+
+def _improvement(
+    suite: Suite, table: Mapping[tuple[str, str], Sequence[EpisodeResult]], rows: Mapping[str, Sequence[str]]
+) -> dict[str, dict[str, float | None]]:
+    """How likely a training run beats one of the reference: of the rows with seeds, or all where the reference has."""
+
+    def scores(row: Sequence[str]) -> NDArray[np.float64]:
+        return np.array([[_score(table[scenario.name, name]) for scenario in suite.scenarios] for name in row])
+
+    reference, *others = rows.items()
+    return {
+        label: _plain(probability_of_improvement(scores(row), scores(reference[1]), np.random.default_rng(0)))
+        for label, row in others
+        if len(row) > 1 or len(reference[1]) > 1
+    }
+
+
+def _score(lines: Sequence[EpisodeResult]) -> float:
+    """Mean return of the lines, or what the first metric makes of one."""
+    key = RETURN if RETURN in lines[0].metrics else next(iter(lines[0].metrics))
+    return (1.0 if METRICS[key].more_is_better else -1.0) * float(np.mean([line.metrics[key] for line in lines]))
 
 
 def _summarise_rows(rows: Sequence[Sequence[Sequence[EpisodeResult]]], labels: Sequence[str]) -> list[dict[str, Any]]:
@@ -123,38 +134,52 @@ def _summarise_rows(rows: Sequence[Sequence[Sequence[EpisodeResult]]], labels: S
     One bootstrap serves all columns, which makes the differences paired; only where there are several training seeds,
     their own interval takes its place.
     """
-    keys = [column.key for column in COLUMNS if column.key in rows[0][0][0].metrics]
+    keys = list(rows[0][0][0].metrics)
     samples = [np.array([[_numbers(line, keys) for line in lines] for lines in row]) for row in rows]
-    compared = [*keys, RATE]
     values = np.array([sample.mean(axis=0) for sample in samples])
-    differences = values - values[:1]
-    stacked = np.concatenate([values, differences], axis=2)  # (rows, episodes, 2 metrics)
+    stacked = np.concatenate([values, values - values[:1]], axis=2)[:, :, [*_both(len(keys))]]
     count, episodes, width = stacked.shape
     flat = stacked.transpose(1, 0, 2).reshape(episodes, count * width)
-    intervals = bootstrap_means(flat, np.random.default_rng(0))
+    intervals = means(flat, np.random.default_rng(0))
+    won = _won(values, METRICS[keys[0]].more_is_better)
     summary = []
     for index, (label, row, sample) in enumerate(zip(labels, rows, samples, strict=True)):
         mine = intervals[index * width : (index + 1) * width]
-        metrics, difference = mine[: len(keys)], mine[len(compared) :]
+        own, difference = mine[: len(keys)], mine[len(keys) :]
         failed = sample[:, :, -1]
         failures = int(failed.sum())
         if len(row) > 1:
-            metrics = [seeds_mean(sample[:, :, place]) for place in range(len(keys))]
+            own = [seeds_mean(sample[:, :, place]) for place in range(len(keys))]
         if len(row) > 1 or len(rows[0]) > 1:
-            difference = [seeds_mean(sample[:, :, place], samples[0][:, :, place]) for place in range(len(compared))]
-        verdict = {key: _verdict(key, interval) for key, interval in zip(compared, difference, strict=True)}
+            difference = [seeds_mean(sample[:, :, place], samples[0][:, :, place]) for place in range(len(keys) + 1)]
+        else:
+            difference = [*difference, paired_rates(failed[0] > 0.0, samples[0][0, :, -1] > 0.0)]
+        compared = dict(zip([*keys, RATE], difference, strict=True))
         summary.append(
             {
                 "policy": label,
                 "seeds": len(row),
                 "failures": failures,
                 "failure_rate": _plain(wilson(failures, episodes) if len(row) == 1 else seeds_rate(failed)),
-                "metrics": dict(zip(keys, map(_plain, metrics), strict=True)),
-                "difference_to_reference": dict(zip(compared, map(_plain, difference), strict=True)) if index else None,
-                "verdict": verdict if index else None,
+                "won": _plain(wilson(min(float(won[index].sum()), episodes), episodes)),
+                "metrics": dict(zip(keys, map(_plain, own), strict=True)),
+                "interquartile_mean": dict(zip(keys, map(_plain, _middles(sample[:, :, :-1])), strict=True)),
+                "median": dict(zip(keys, np.median(sample[:, :, :-1], axis=(0, 1)).tolist(), strict=True)),
+                "difference_to_reference": {key: _plain(one) for key, one in compared.items()} if index else None,
+                "verdict": {
+                    key: _verdict(key, one, float(values[0, :, place].mean()), episodes)
+                    for place, (key, one) in enumerate(compared.items())
+                }
+                if index
+                else None,
             }
         )
     return summary
+
+
+def _both(metrics: int) -> list[int]:
+    """Places of the metrics and of their differences beside the failures and theirs."""
+    return [*range(metrics), *range(metrics + 1, 2 * metrics + 1)]
 
 
 def _numbers(line: EpisodeResult, keys: Sequence[str]) -> list[float]:
@@ -162,16 +187,35 @@ def _numbers(line: EpisodeResult, keys: Sequence[str]) -> list[float]:
     return [*(line.metrics[key] for key in keys), float(line.failed)]
 
 
-def _verdict(key: str, difference: Interval) -> str:
+def _middles(sample: NDArray[np.float64]) -> list[Interval]:
+    """Interquartile means of (seeds, episodes, metrics); of several seeds theirs, with Student's interval."""
+    if len(sample) == 1:
+        return interquartile_means(sample[0])
+    return student_means(np.array([[one.value for one in interquartile_means(seed)] for seed in sample]))
+
+
+def _won(values: NDArray[np.float64], more_is_better: bool) -> NDArray[np.float64]:
+    """Share of each episode that each row has won, (rows, episodes), by the first metric; more failures lose."""
+    failed = values[:, :, -1]
+    score = values[:, :, 0] if more_is_better else -values[:, :, 0]
+    fewest = failed == failed.min(axis=0)
+    best = fewest & (score == np.where(fewest, score, -np.inf).max(axis=0))
+    return best / best.sum(axis=0)
+
+
+def _verdict(key: str, difference: Interval, reference: float, episodes: int) -> str:
     """Whether a paired difference is "better" or "worse" than zero beyond its interval, or a "tie".
 
-    What the tables show as 0.000 is a tie however narrow its interval is.
+    What the tables show as 0.000 is a tie however narrow its interval is, and so is less than a hundredth of the
+    reference's mean; of few episodes all is.
     """
-    digits = next((column.digits for column in COLUMNS if column.key == key), RATE_DIGITS)
-    seen = abs(difference.value) >= 0.5 * 10.0**-digits
-    if not seen or not (difference.low > 0.0 or difference.high < 0.0):  # NaN, too
+    digits = RATE_DIGITS if key == RATE else METRICS[key].digits
+    smallest = max(0.5 * 10.0**-digits, 0.0 if key == RATE else SMALLEST_SHARE * abs(reference))
+    sure = difference.low > 0.0 or difference.high < 0.0  # False of NaN, too
+    if episodes < MARKS_FROM or abs(difference.value) < smallest or not sure:
         return "tie"
-    return "better" if (difference.value > 0.0) == (key in MORE_IS_BETTER) else "worse"
+    more_is_better = key != RATE and METRICS[key].more_is_better
+    return "better" if (difference.value > 0.0) == more_is_better else "worse"
 
 
 def _plain(interval: Interval) -> dict[str, float | None]:

@@ -15,13 +15,15 @@ from lanekeep_env.scenario import CameraLaneScenario, RoadScenario
 WIDTH, HEIGHT = 800, 460
 #: Drawn at twice the size and scaled down, which smooths all edges.
 SCALE = 2
+#: Distance of the dots along the middle of a lane, m.
+_DOTS = 2.0
 VIEW_HEIGHT = 300
 #: Share of the view that is ahead of the car.
 SHARE_AHEAD = 0.78
 #: Seconds of the error's trace.
 TRACE_SECONDS = 15.0
 
-_GRASS, _ASPHALT, _EDGE, _CENTRE = (226, 232, 222), (188, 193, 199), (250, 250, 250), (222, 226, 230)
+_GRASS, _ASPHALT, _EDGE, _CENTRE = (226, 232, 222), (188, 193, 199), (250, 250, 250), (150, 156, 163)
 _CAR, _GLASS, _WHEEL, _PATH = (0, 114, 178), (200, 224, 240), (35, 38, 42), (213, 94, 0)
 _INK, _FAINT, _PAPER, _ALARM = (45, 48, 53), (150, 155, 160), (252, 252, 252), (190, 20, 20)
 
@@ -112,11 +114,10 @@ class RoadPicture:
             for run in runs:
                 if marked[run[0]] and len(run) > 1:
                     pg.draw.lines(sheet, _EDGE, False, edge[run[0] : run[-1] + 1], 3 * SCALE)
-        dash = np.floor(s / 3.0) % 2 == 0
-        middle = np.array(screen(pose.road.position(s)))
-        for a, b, drawn in zip(middle[:-1], middle[1:], dash, strict=False):
-            if drawn:
-                pg.draw.line(sheet, _CENTRE, a, b, SCALE)
+        # Dots, not dashes: it is the middle of a lane, and nobody's mark between two of them.
+        dots = np.arange(math.ceil(s[0] / _DOTS) * _DOTS, s[-1], _DOTS)
+        for dot in screen(pose.road.position(dots)):
+            pg.draw.circle(sheet, _CENTRE, dot, SCALE)
         if len(self._driven) > 1:
             pg.draw.lines(sheet, _PATH, False, screen(np.array(self._driven)), 2 * SCALE)
         self._car(pose, screen)

@@ -69,8 +69,11 @@ class CarScenario(ScenarioRecord):
         action: "steering_angle" (the action is the road-wheel angle asked for) or "steering_rate".
         max_steering_angle: road-wheel angle that action 1 asks for, rad; also bounds the command in rate mode.
         max_steering_rate: road-wheel speed that action 1 asks for, rad/s (rate mode).
-        reference_lateral_error, cost_weight, reference_steering_rate, cost_cap: m, w, rad/s and 1/s of the
-            running cost min(cap, (d / reference)² + w (road-wheel speed / reference)²).
+        reference_lateral_error: m, of the running cost min(cost_cap, (lateral error / reference_lateral_error)² +
+            cost_weight (road-wheel speed / reference_steering_rate)²), 1/s.
+        cost_weight: of the running cost's second term, without unit.
+        reference_steering_rate: of the road wheel, rad/s, in the running cost's second term.
+        cost_cap: 1/s, the most that the running cost is.
         observation: "measured" (what sensors give) or "full" (adds channels of the true state).
         randomisation: what differs from episode to episode: "nominal", "mismatch", "stress" or a mapping of
             bounds (see `Randomisation`).

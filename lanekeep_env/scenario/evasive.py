@@ -49,7 +49,9 @@ class ReversePathScenario(RoadScenario):
 
     Attributes:
         speed: backwards, m/s, or a mapping of `SetSpeeds`; a negative ``minimum`` lets the car drive forwards at times.
-        preview, preview_interval: as in `LaneKeepScenario`; ahead is where the car is going, towards the path's start.
+        preview: number of curvature samples in the observation, the first one at the car; ahead is where it is going,
+            towards the path's start.
+        preview_interval: time between preview samples at the present speed, s.
     """
 
     vehicle: VehicleParameters = VEHICLES["passat"]

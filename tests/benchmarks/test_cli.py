@@ -19,7 +19,7 @@ import lanekeep_env
 from lanekeep_benchmarks import speed as speed_module
 from lanekeep_benchmarks.__main__ import main
 from lanekeep_benchmarks.cli import app
-from lanekeep_benchmarks.summary import COLUMNS
+from lanekeep_benchmarks.metrics import METRICS
 
 RUNNER = CliRunner()
 BENCH = ["bench", "--policies", "pd,yin-lqr", "--episodes", "3"]
@@ -51,8 +51,10 @@ def test_envs_lists_every_id_with_its_channels():
     lane_keep = next(entry for entry in found if "LaneKeep" in entry["id"])
     channels = {channel["name"]: channel for channel in lane_keep["channels"]}
     assert channels["lateral_error"]["unit"] == "m"
-    # Every keyword says what it means.
-    assert all(keyword["meaning"] for entry in found for keyword in entry["keywords"]), found
+    # Every keyword says what it means, and no two the same.
+    for entry in found:
+        meanings = [keyword["meaning"] for keyword in entry["keywords"]]
+        assert all(meanings) and len(set(meanings)) == len(meanings), entry["id"]
     one = " ".join(
         re.sub("[│┃]", " ", RUNNER.invoke(app, ["envs", "LaneKeep-v0"], env={"COLUMNS": "160"}).output).split()
     )
@@ -98,7 +100,7 @@ def test_bench_writes_lines_summary_tables_and_plots(finished):
     summary = json.loads((folder / "summary.json").read_text())
     assert len(lines) == len(summary["scenarios"]) * 2 * 3
     assert {line["version"] for line in lines} == {lanekeep_env.__version__}
-    assert set(lines[0]["metrics"]) == {column.key for column in COLUMNS} - {"lap_time"}
+    assert set(lines[0]["metrics"]) < set(METRICS)
     for scenario in summary["scenarios"]:
         picture = (folder / f"plot_episode_{scenario['scenario']}.png").read_bytes()
         assert picture.startswith(b"\x89PNG") and len(picture) > 20_000
@@ -106,7 +108,8 @@ def test_bench_writes_lines_summary_tables_and_plots(finished):
         mean = np.mean([line["metrics"]["rms_lateral_error"] for line in mine])
         assert scenario["policies"][1]["metrics"]["rms_lateral_error"]["value"] == pytest.approx(mean)
         assert scenario["title"] in output
-    assert (folder / "plot_errors.png").stat().st_size > 20_000
+    for picture in ("plot_errors.png", "plot_profiles.png"):
+        assert (folder / picture).stat().st_size > 20_000
     assert "| yin-lqr |" in (folder / "summary.md").read_text()
     assert str(folder) in output
 
@@ -144,6 +147,7 @@ def test_bench_on_a_road_of_ones_own_drives_a_whole_lap(oval, tmp_path, capsys):
         "plot_errors.png",
         "plot_episode_oval.png",
         "plot_map_oval.png",
+        "plot_profiles.png",
     }
 
 
@@ -167,6 +171,7 @@ def test_real_tracks(track, tmp_path, capsys):
     [
         (["bench", "clasical"], ["'clasical'", "did you mean 'classical'"]),
         (["bench", "--policies", "yin-lrq"], ["'yin-lrq'", "did you mean 'yin-lqr'"]),
+        (["bench", "drive", "--policies", "werling"], ["'werling' is unknown", "allowed: werling-drive, "]),
         (["bench", "--policies", "pd,pd"], ["'pd, pd'", "different names"]),
         (["bench", "--policies", ","], ["''", "one or more"]),
         (["bench", "--policies", ""], ["''", "one or more"]),
@@ -203,6 +208,68 @@ def test_a_bad_road_file_is_named(content, words, capsys, tmp_path):
     assert error.count("\n") == 1
     assert all(word in error for word in words)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_road_of_ones_own_has_the_widths_of_its_file_and_its_smoothing(oval, tmp_path, capsys, monkeypatch):
+    """The lane is twice the narrowest side; the smoothing is part of the scenario, and a resumed run keeps it."""
+    monkeypatch.chdir(tmp_path)
+    rows = oval.read_text().splitlines()[1:]
+    oval.write_text("x_m,y_m,w_tr_right_m,w_tr_left_m\n" + "".join(f"{row}, 2.5, 2.25\n" for row in rows))
+    hashes = []
+    for out, options in (("plain", []), ("smooth", ["--smoothing", "0.02"])):
+        command = ["bench", "--road", str(oval), "--policies", "stanley", "--episodes", "1", "--json"]
+        assert main([*command, "--out", out, *options]) == 0
+        captured = capsys.readouterr()
+        (scenario,) = json.loads(captured.out)["scenarios"]
+        assert scenario["keywords"]["lane_width"] == "file"
+        assert scenario["keywords"]["road"].get("smoothing") == (0.02 if options else None)
+        assert all(line.startswith("lanekeep: ") for line in captured.err.splitlines())
+        hashes.append(scenario["scenario_hash"])
+        assert main(["bench", "--resume", "--out", out, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["scenarios"][0]["scenario_hash"] == scenario["scenario_hash"]
+    assert hashes[0] != hashes[1]
+    assert main(["bench", "classical", "--smoothing", "1"]) == 2
+    assert "--smoothing 1.0 has no effect without --road" in capsys.readouterr().err
+
+
+def command(*arguments, **keywords):
+    """The command in a process of its own."""
+    run = [sys.executable, "-m", "lanekeep_benchmarks", *arguments]
+    return subprocess.run(run, capture_output=True, text=True, **keywords)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc")
+def test_an_output_that_nobody_reads_and_a_folder_that_nobody_can_write(tmp_path):
+    read, write = os.pipe()
+    os.close(read)
+    run = [sys.executable, "-m", "lanekeep_benchmarks", "envs"]
+    done = subprocess.run(run, stdout=write, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 1 and done.stderr == "lanekeep: what reads the output was closed before its end\n"
+    done = command("bench", "--policies", "stanley", "--episodes", "1", "--out", "/proc/nowhere", cwd=tmp_path)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "/proc/nowhere" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="displays")
+def test_a_window_needs_a_display(tmp_path):
+    pytest.importorskip("pygame")
+    hidden = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
+    environment = {key: value for key, value in os.environ.items() if key not in hidden}
+    done = command("play", "--human", "--seconds", "0.5", cwd=tmp_path, env=environment)
+    assert done.returncode == 2 and "lanekeep: --human needs a display, and there is none" in done.stderr
+
+
+def test_results_as_csv(finished, tmp_path, capsys):
+    folder, _ = finished
+    assert main(["export", str(folder), "--out", str(tmp_path / "csv")]) == 0
+    said = capsys.readouterr().out
+    found = (tmp_path / "csv" / "results.csv").read_text().splitlines()
+    lines = (folder / "episodes.jsonl").read_text().splitlines()
+    assert len(found) == 1 + len(lines) and f"results.csv: {len(lines)} rows" in said
+    assert "rms_lateral_error" in found[0].split(",")
+    assert main(["export", str(folder), "--out", str(tmp_path / "csv")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "--overwrite" in error
 
 
 def test_missing_typer_names_the_extra(tmp_path):

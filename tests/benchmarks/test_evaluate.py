@@ -6,7 +6,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from lanekeep_benchmarks.evaluate import EpisodeResult, drive, episode_seed, evaluate, make_cars, record
+from lanekeep_benchmarks.evaluate import drive, episode_seed, evaluate, make_cars, record
+from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
 
 SLALOM = SuiteScenario(
@@ -114,29 +115,87 @@ def test_results_equal_a_plain_loop_over_the_single_environment(results):
         env = gym.make(scenario.env_id, **scenario.keywords, max_episode_steps=scenario.max_episode_steps)
         policy, state = make_policy(result.policy, None), None
         observation, _ = env.reset(seed=result.episode_seed)
-        infos, rewards, ended = [], [], False
+        infos, rewards, actions, ended = [], [], [], False
         while not ended:
             action, state = policy.predict(observation[None], state, np.array([not infos]))
             observation, reward, terminated, truncated, info = env.step(action[0])
             infos.append(info)
             rewards.append(reward)
+            actions.append(min(abs(float(action[0, 0])), 1.0))
             ended = terminated or truncated
-        errors, rates, accelerations = (
-            np.array([info[key] for info in infos])
-            for key in ("lateral_error", "steering_rate", "lateral_acceleration")
-        )
         assert result.steps == len(infos)
         assert result.failed is not infos[-1]["is_success"]
+        # Capped where it departed: errors go on as large as they were there, everything else ends.
+        outside = [place for place, info in enumerate(infos) if info["cost"] > 0.0]
+        last = outside[0] + 1 if outside else len(infos)
+        rest = 60 - last if outside else 0
+        truth = {key: np.array([info[key] for info in infos[:last]]) for key in infos[0]}
+        errors, headings = (
+            np.r_[truth[key], np.full(rest, truth[key][-1])] for key in ("lateral_error", "heading_error")
+        )
+        jerk = np.diff(truth["lateral_acceleration"]) / 0.05
         assert result.metrics == pytest.approx(
             {
                 "rms_lateral_error": np.sqrt(np.mean(errors**2)),
                 "peak_lateral_error": np.abs(errors).max(),
-                "rms_steering_rate": np.sqrt(np.mean(rates**2)),
-                "peak_lateral_acceleration": np.abs(accelerations).max(),
+                "rms_heading_error": np.sqrt(np.mean(headings**2)),
+                "rms_steering_rate": np.sqrt(np.mean(truth["steering_rate"] ** 2)),
+                "rms_lateral_jerk": np.sqrt(np.mean(jerk**2)) if len(jerk) else 0.0,
+                "peak_lateral_acceleration": np.abs(truth["lateral_acceleration"]).max(),
+                "rms_action": np.sqrt(np.mean(np.square(actions[:last]))),
+                "time": 0.05 * last,
                 "return": sum(rewards),
             },
-            rel=1e-12,
+            rel=1e-9,
         )
+
+
+def test_a_departure_counts_the_same_whether_it_ends_the_episode(results):
+    """Going on after a departure, or not: the metrics but the return, whose steps are charged otherwise, are equal."""
+    going_on, ending = SLALOM, replace(SLALOM, keywords={**SLALOM.keywords, "departure": "terminate"})
+    lines = [run(policies=("wild",), suite=replace(SUITE, scenarios=(one,))) for one in (going_on, ending)]
+    assert any(line.failed for line in lines[0])
+    for first, second in zip(*lines, strict=True):
+        assert first.failed == second.failed
+        mine, other = dict(first.metrics), dict(second.metrics)
+        mine.pop("return"), other.pop("return")
+        assert mine == other
+
+
+METRICS_OF = {
+    "lanekeep/Circuit-v0": {"lap_time", "smallest_clearance"},
+    "lanekeep/WallFollow-v0": {"smallest_clearance", "rms_lateral_error"},
+    "lanekeep/ParallelPark-v0": {"lap_time", "kerb_distance", "space_share", "end_heading_error"},
+    "lanekeep/Drive-v0": {"rms_lateral_error", "rms_lateral_jerk", "time"},
+}
+
+
+@pytest.mark.parametrize("env_id", METRICS_OF)
+def test_a_task_has_the_metrics_that_fit_it(env_id):
+    """Driven ten steps with the wheel straight: every one is a finite number, and says what `info` says."""
+    scenario = SuiteScenario("one", "One", env_id=env_id, max_episode_steps=10)
+    suite = Suite("tasks", "tasks", (scenario,), episodes=2)
+
+    class Straight:
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            return np.zeros((len(observation), actions), dtype=np.float32), state
+
+    env = make_cars(scenario, 1)
+    actions = env.unwrapped.single_action_space.shape[0]
+    env.close()
+    ((first, _),) = evaluate(suite, ["straight"], lambda *_: Straight(), episodes=2, seed=0)
+    assert set(first.metrics) >= METRICS_OF[env_id] and "return" in first.metrics
+    assert np.isfinite(list(first.metrics.values())).all()
+    if "smallest_clearance" in first.metrics:
+        steps = list(drive(make_cars(scenario, 1), Straight(), [first.episode_seed], {}))
+        clearances = [float(step.info["clearance"][0]) for step in steps if step.alive[0]]
+        assert first.metrics["smallest_clearance"] == min(clearances)
+
+
+def test_a_scenario_names_its_metrics():
+    named = replace(SLALOM, metrics=("peak_lateral_error", "return"))
+    (line, *_) = run(policies=("calm",), suite=replace(SUITE, scenarios=(named,)), episodes=1)
+    assert list(line.metrics) == ["peak_lateral_error", "return"]
 
 
 def test_a_line_is_read_as_it_was_written(results):
@@ -178,7 +237,8 @@ def test_a_recorded_episode_is_the_evaluated_one(results):
     result = next(result for result in results if (result.scenario, result.policy) == ("slalom", "brisk"))
     trace = record(SLALOM, make_policy("brisk", None), result.episode_seed)
     assert len(trace["lateral_error"]) == result.steps
-    assert np.abs(trace["lateral_error"]).max() == result.metrics["peak_lateral_error"]
+    last = int(np.argmax(trace["cost"] > 0.0)) + 1 if result.failed else result.steps
+    assert np.abs(trace["lateral_error"][:last]).max() == result.metrics["peak_lateral_error"]
     assert {"steering_angle", "speed", "curvature_preview_0", "arc_length"} <= set(trace)
 
 

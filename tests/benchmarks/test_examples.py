@@ -38,7 +38,7 @@ def test_own_controllers_stand_beside_shipped_ones(tmp_path, monkeypatch):
     assert mean[own[0]] > mean["pd"]
 
 
-@pytest.mark.parametrize("name", ["lqr.py", "mpc.py"])
+@pytest.mark.parametrize("name", ["lqr.py", "mpc.py", "pd.py"])
 def test_an_example_is_short(name):
     lines = (EXAMPLES / name).read_text().splitlines()
     assert len([line for line in lines if line.strip() and not line.strip().startswith(("#", '"""'))]) <= 42

@@ -216,7 +216,7 @@ def test_what_has_no_source_is_never_resumed(folder):
 @pytest.mark.parametrize("rows", [1, 2])
 def test_lines_do_not_depend_on_the_rows(folder, monkeypatch, rows):
     assert main(["bench", "short", "--policies", "mine.py:Mine,mine.py:alone", "--out", "all"]) == 0
-    monkeypatch.setattr("lanekeep_benchmarks.evaluate.evaluate.__kwdefaults__", {"cars": rows, "done": frozenset()})
+    monkeypatch.setattr("lanekeep_benchmarks.evaluate.CARS", rows)
     assert main(["bench", "short", "--policies", "mine.py:Mine,mine.py:alone", "--out", "few"]) == 0
     assert lines(folder / "all") == lines(folder / "few")
 
@@ -236,6 +236,35 @@ def test_cars_alone_begin_anew_with_their_episode():
     assert action.tolist() == [[2.0], [1.0]]
     single, state = policy.predict(np.zeros(3))
     assert single.tolist() == [1.0] and policy.predict(np.zeros(3), state)[0].tolist() == [2.0]
+
+
+def test_a_run_that_failed_before_its_first_line_is_begun_anew(folder, capsys):
+    """Nothing is lost, so nothing has to be overwritten; a mended controller goes on with the lines of the others."""
+    broken = CODE.replace('return -0.03 * at["lateral_error"]', 'return -0.03 * at["lateral_eror"]')
+    assert broken != CODE
+    (folder / "mine.py").write_text(broken)
+    assert main(["bench", "short", "--policies", "mine.py:Mine", "--out", "out"]) == 1
+    assert "lateral_eror" in capsys.readouterr().err
+    assert main(["bench", "short", "--policies", "pd,mine.py:Mine", "--out", "out"]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "to complete the run: lanekeep bench --resume --out out" in error
+    kept = (folder / "out" / "episodes.jsonl").read_text()
+    assert kept.count("\n") > 0
+    (folder / "mine.py").write_text(CODE)
+    assert main(["bench", "--resume", "--out", "out", "--policies", "pd,mine.py:Mine"]) == 0
+    assert lines(folder / "out")["mine.py:Mine"] == lines(folder / "out")["pd"]
+    assert (folder / "out" / "episodes.jsonl").read_text().startswith(kept)
+
+
+def test_what_was_handed_over_cannot_be_driven_again_by_a_command(folder, capsys):
+    import mine
+
+    lanekeep_benchmarks.benchmark("short", [mine.Mine], episodes=1, out=folder / "out")
+    where = ["--run", "out", "--episode", "0", "--policy", "mine", "--scenario", "slalom"]
+    assert main(["play", *where]) == 2
+    error = capsys.readouterr().err
+    assert "policy 'mine' was handed over in Python, so that no command can make it again" in error
+    assert error.count("\n") == 1
 
 
 def test_play_drives_own_code(folder, capsys):

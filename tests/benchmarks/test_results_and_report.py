@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lanekeep_benchmarks.evaluate import EpisodeResult
+from lanekeep_benchmarks.lines import EpisodeResult
+from lanekeep_benchmarks.looks import interesting, styles
+from lanekeep_benchmarks.metrics import METRICS, metrics_of
 from lanekeep_benchmarks.report import caption, cells, headings, markdown, terminal_table
 from lanekeep_benchmarks.results import EPISODES, SUMMARY, ResultFolder
 from lanekeep_benchmarks.run_record import RUN, RunRecord
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
-from lanekeep_benchmarks.summary import COLUMNS, rows_of, summarise
+from lanekeep_benchmarks.summary import rows_of, summarise
 from lanekeep_env.files import write_atomic
 
 SUITE = Suite(
@@ -25,8 +27,13 @@ SUITE = Suite(
 )
 RECORD = RunRecord("0.1.0", "c" * 16, "made-up", None, ["a", "b"], 20, 0, {"scenario": "0" * 16})
 
-#: Where no laps are driven.
-ERRORS = tuple(column for column in COLUMNS if column.key != "lap_time")
+#: Where lanes are kept.
+ERRORS = tuple(
+    METRICS[key]
+    for key in metrics_of(
+        "lanekeep/LaneKeep-v0", ["lateral_error", "heading_error", *("lateral_acceleration", "steering_rate")]
+    )
+)
 
 
 def line(policy, episode, error, failed=False):
@@ -84,7 +91,7 @@ def test_tables_show_every_policy_and_number(results):
     assert {row.count("|") for row in rows} == {len(headings(ERRORS, "a")) + 1}
     assert "+0.100<br>+0.100…+0.100" in rows[-1]
     assert re.search(r"\| 5\.0<br>0\.9…23\.6 \|", rows[-1])
-    table = terminal_table(summary["scenarios"][0], "a", 160)
+    table = terminal_table(summary["scenarios"][0], "a", 260)
     assert table.row_count == 2
     assert len(table.columns) == len(headings(ERRORS, "a"))
 
@@ -146,7 +153,7 @@ def test_marks_say_who_wins():
     a, b, c = summarise(SUITE, lines, ["a", "b", "c"])["scenarios"][0]["policies"]
     assert a["verdict"] is None
     worse = {column.key: "worse" for column in ERRORS}
-    assert b["verdict"] == worse | {"return": "better", "failure_rate": "better"}
+    assert b["verdict"] == worse | {"return": "better", "time": "better", "failure_rate": "better"}
     assert b["difference_to_reference"]["failure_rate"]["value"] == -0.5
     assert set(c["verdict"].values()) == {"tie"}
     marks = [value[-2:] for value, _ in cells(b, ERRORS)]
@@ -209,3 +216,63 @@ def test_what_a_killed_writer_left_is_written_over(tmp_path):
 def test_numbers_that_json_lacks_are_refused():
     with pytest.raises(ValueError, match="JSON"):
         line("a", 0, math.nan).to_json()
+
+
+def test_marks_need_episodes_and_something_to_see():
+    """The same advantage of 0.1 m in every episode: a mark from ten on; of 0.4 % of the error, none at any number."""
+
+    def verdict(episodes, more):
+        errors = np.random.default_rng(5).uniform(4.0, 6.0, episodes)
+        lines = [line("a", i, error) for i, error in enumerate(errors)]
+        lines += [line("b", i, error + more) for i, error in enumerate(errors)]
+        summary = summarise(SUITE, lines, ["a", "b"])
+        return summary["scenarios"][0]["policies"][1]["verdict"]["rms_lateral_error"], caption(summary)
+
+    assert verdict(9, 0.1)[0] == "tie" and "from 10 episodes on, marks say" in verdict(9, 0.1)[1]
+    assert verdict(10, 0.1)[0] == "worse" and "▼ worse than a" in verdict(10, 0.1)[1]
+    assert verdict(200, 0.02)[0] == "tie"
+
+
+def test_episodes_are_won_by_who_errs_least_and_does_not_fail():
+    """Of four episodes a wins one, b one, both tie in one, and a fails in the last, in which it errs less."""
+    a, b = [1.0, 2.0, 1.5, 0.1], [2.0, 1.0, 1.5, 3.0]
+    lines = [line("a", i, error, failed=i == 3) for i, error in enumerate(a)]
+    lines += [line("b", i, error) for i, error in enumerate(b)]
+    first, second = summarise(SUITE, lines, ["a", "b"])["scenarios"][0]["policies"]
+    assert first["won"]["value"] == pytest.approx(1.5 / 4) and second["won"]["value"] == pytest.approx(2.5 / 4)
+
+
+def test_middles_stand_beside_the_mean(results):
+    """A car that spins rules the mean alone."""
+    spun = [replace(one, metrics=one.metrics | {"rms_lateral_error": 1e6}) if one.episode == 7 else one
+            for one in results if one.policy == "a"]  # fmt: skip
+    (row,) = summarise(SUITE, spun, ["a"])["scenarios"][0]["policies"]
+    numbers = [one.metrics["rms_lateral_error"] for one in spun]
+    assert row["metrics"]["rms_lateral_error"]["value"] > 1e4
+    assert row["median"]["rms_lateral_error"] == pytest.approx(np.median(numbers))
+    assert row["interquartile_mean"]["rms_lateral_error"]["value"] == pytest.approx(stats.trim_mean(numbers, 0.25))
+
+
+def test_what_was_trained_has_a_probability_of_improvement():
+    """Three seeds, of which two return more than the reference: two of three pairs."""
+    lines = [line("ref", i, 3.0) for i in range(10)]
+    for seed, value in enumerate((4.0, 2.0, 5.0)):
+        lines += [line(f"ppo-seed{seed}", i, value) for i in range(10)]
+    summary = summarise(SUITE, lines, ["ref", "ppo-seed0", "ppo-seed1", "ppo-seed2"])
+    assert summary["improvement"]["ppo (3 seeds)"]["value"] == pytest.approx(2 / 3)
+    assert "| ppo (3 seeds) | 66.7<br>" in markdown(summary)
+    assert summarise(SUITE, lines[:10], ["ref"])["improvement"] == {}
+
+
+def test_of_many_policies_pictures_show_the_reference_ones_own_and_the_best():
+    """The best ones by the mean place over scenarios; one that mostly fails comes after all that do not."""
+    policies = ["worst", "mine.py:Mine", *(f"p{k}" for k in range(10))]
+    errors = [9.0, 8.0, *(1.0 + 0.1 * k for k in range(10))]
+    lines = []
+    for policy, error in zip(policies, errors, strict=True):
+        lines += [line(policy, i, error, failed=policy == "p0") for i in range(4)]
+    shown = interesting(summarise(SUITE, lines, policies))
+    assert shown == ["worst", "mine.py:Mine", *(f"p{k}" for k in range(1, 7))]
+    looks = styles(policies, shown)
+    assert len({(look["color"], look.get("marker")) for look in looks.values()}) == 9
+    assert [look["label"] for name, look in looks.items() if name not in shown] == ["4 others", None, None, None]

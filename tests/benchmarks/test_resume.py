@@ -89,7 +89,7 @@ def test_a_complete_run_gets_its_report_again_and_drives_nothing(unbroken, tmp_p
     shutil.copytree(unbroken, folder)
     for file in [*folder.glob("*.png"), folder / "summary.md"]:
         file.unlink()
-    monkeypatch.setattr("lanekeep_benchmarks.evaluate.measure", None)
+    monkeypatch.setattr("lanekeep_benchmarks.evaluate.Measured", None)
     assert resume(folder) == 0
     assert contents(folder) == contents(unbroken)
     assert f"{TOTAL} of {TOTAL} episodes" in capsys.readouterr().err
@@ -105,7 +105,7 @@ def test_torn_anywhere(unbroken, tmp_path):
         folder.mkdir()
         shutil.copy(unbroken / RUN, folder)
         (folder / EPISODES).write_bytes(content[:cut])
-        plan, opened = runs.open_run(None, None, None, None, None, out=folder, resume=True)
+        plan, opened = runs.open_run(runs.Options(out=folder, resume=True))
         assert opened.torn == (cut > 0 and content[cut - 1 : cut] != b"\n")
         assert len(plan.results) == content[:cut].count(b"\n")
         with opened:
@@ -171,7 +171,7 @@ def test_a_changed_scenario_is_refused(killed, capsys, monkeypatch):
         ({"episode": 0, "episode_seed": None}, "repeats slalom, pd, episode 0"),
         ({"sead": 1}, "is not a result line (result line has no field 'sead' (did you mean 'seed'?)"),
         ({"metrics": {"return": 1.0}}, "metrics.rms_lateral_error is 'missing' there, 'a number' wanted; metrics.peak"),
-        ({"metrics": {}}, "metrics.return is 'missing' there"),
+        ({"metrics": {}}, "metrics.peak_lateral_error is 'missing' there"),
         ({"metrics": {"lap_time": 1.0}}, "metrics.lap_time is 'a number' there, 'none' wanted"),
         ({"metrics": {"retrun": 1.0}}, "metrics='retrun' is unknown (did you mean 'return'?)"),
         ({"metrics": [1.0]}, "metrics=[1.0] is not allowed: it must be a mapping"),
@@ -327,7 +327,7 @@ def test_a_road_of_ones_own_is_resumed(tmp_path, capsys):
 
 def test_two_processes_never_write_one_folder(killed, capsys):
     pytest.importorskip("fcntl")
-    _, opened = runs.open_run(None, None, None, None, None, out=killed, resume=True)
+    _, opened = runs.open_run(runs.Options(out=killed, resume=True))
     with opened:
         assert "another process is writing there" in refusal(killed, capsys)
         assert main([*BENCH, "--out", str(killed), "--overwrite"]) == 2

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lanekeep_benchmarks.statistics import Interval, bootstrap_means, seeds_mean, seeds_rate, wilson
+from lanekeep_benchmarks.seeds import probability_of_improvement, seeds_mean, seeds_rate
+from lanekeep_benchmarks.statistics import (
+    Interval,
+    bootstrap_means,
+    interquartile_means,
+    paired_rates,
+    performance_profile,
+    student_means,
+    studentised_means,
+    wilson,
+)
 
 
 @pytest.mark.parametrize(("failures", "episodes"), [(0, 1), (0, 20), (1, 20), (7, 64), (63, 64), (64, 64), (3, 1000)])
@@ -154,3 +164,102 @@ def test_the_rate_over_seeds_is_never_narrower_than_wilsons():
     uneven, student = seeds_rate(one), stats.ttest_1samp([0, 0, 1, 0, 0], 0.0).confidence_interval()
     assert uneven.value == pytest.approx(0.2)
     assert uneven.low == 0.0 and uneven.high == pytest.approx(student.high, rel=1e-9)
+
+
+def test_students_interval_and_a_trimmed_means_equal_scipys():
+    """Untrimmed it is `ttest_1samp`'s; trimmed, scipy's of the winsorised sample by Tukey and McLaughlin's formula."""
+    sample = np.random.default_rng(8).lognormal(size=(41, 2))
+    plain = student_means(sample)
+    for column, ours in zip(sample.T, plain, strict=True):
+        theirs = stats.ttest_1samp(column, 0.0).confidence_interval()
+        assert (ours.value, ours.low, ours.high) == pytest.approx((column.mean(), *theirs), rel=1e-9)
+    for column, ours in zip(sample.T, interquartile_means(sample), strict=True):
+        centre, error = stats.trim_mean(column, 0.25), stats.mstats.trimmed_stde(column, (0.25, 0.25), inclusive=(1, 1))
+        # scipy leaves one degree of freedom out: sqrt(n - 1) of the winsorised spread over the share that is kept.
+        kept = 41 - 2 * int(0.25 * 41)
+        spread = np.std(np.asarray(stats.mstats.winsorize(column, (0.25, 0.25), inclusive=(1, 1))), ddof=1)
+        half = stats.t.ppf(0.975, kept - 1) * spread * math.sqrt(40 / (kept * (kept - 1)))
+        assert (ours.value, ours.high - ours.value) == pytest.approx((centre, half), rel=1e-9)
+        assert error == pytest.approx(spread / (kept / 41 * math.sqrt(41)), rel=0.05)
+
+
+def test_the_interquartile_mean_is_rliables():
+    """Agarwal et al.: `scipy.stats.trim_mean(scores, proportiontocut=0.25)`, for every number of episodes."""
+    for episodes in range(1, 40):
+        sample = np.random.default_rng(episodes).exponential(size=(episodes, 1))
+        assert interquartile_means(sample)[0].value == pytest.approx(stats.trim_mean(sample[:, 0], 0.25), rel=1e-12)
+
+
+def test_the_studentised_bootstrap_of_a_large_normal_sample_is_students():
+    sample = np.random.default_rng(9).normal(3.0, 2.0, (400, 1))
+    (ours,) = studentised_means(sample, np.random.default_rng(0), resamples=40_000)
+    theirs = stats.ttest_1samp(sample[:, 0], 0.0).confidence_interval()
+    width = theirs.high - theirs.low
+    assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=0.03 * width)
+
+
+def test_the_studentised_bootstrap_leans_where_a_sample_leans():
+    """Of a skewed sample the upper end is farther away; of equal values, and where one differs, nothing is made up."""
+    sample = np.random.default_rng(1).lognormal(size=(30, 1))
+    (ours,) = studentised_means(sample, np.random.default_rng(0))
+    assert ours.high - ours.value > 1.2 * (ours.value - ours.low)
+    equal, one = studentised_means(np.c_[np.full(64, 0.1), np.r_[np.zeros(63), 1.0]], np.random.default_rng(0))
+    assert (equal.low, equal.high) == pytest.approx((0.1, 0.1), rel=1e-9)
+    assert one.low < 0.0 < one.high
+
+
+def test_a_difference_of_paired_rates_as_printed():
+    """Newcombe (1998), Table II, method 10: 36, 12, 2, 0 of 50 gives 0.0569 to 0.3404."""
+    ours = np.r_[np.ones(36), np.ones(12), np.zeros(2)].astype(bool)
+    theirs = np.r_[np.ones(36), np.zeros(12), np.ones(2)].astype(bool)
+    found = paired_rates(ours, theirs)
+    assert found.value == pytest.approx(0.2)
+    assert (found.low, found.high) == pytest.approx((0.0569, 0.3404), abs=5e-5)
+    turned = paired_rates(theirs, ours)
+    assert (turned.low, turned.high) == pytest.approx((-found.high, -found.low), abs=1e-12)
+    same = paired_rates(ours, ours)
+    assert same.value == 0.0 and same.low == pytest.approx(-same.high)
+
+
+def test_the_performance_profile_is_the_share_above():
+    scores = np.random.default_rng(2).normal(size=(5, 7))
+    thresholds = np.r_[-9.0, scores.ravel()[:4], 0.0, 9.0]
+    expected = [(scores > threshold).mean() for threshold in thresholds]
+    assert performance_profile(scores, thresholds) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("seeds", [(5, 8), (3, 1), (10, 10)])
+def test_the_probability_of_improvement_is_mann_and_whitneys(seeds):
+    """rliable's definition: U over the product of the numbers of runs, averaged over scenarios."""
+    generator = np.random.default_rng(3)
+    ours, theirs = generator.integers(0, 9, (seeds[0], 6)) + 1.0, generator.integers(0, 9, (seeds[1], 6)) * 1.0
+    found = probability_of_improvement(ours, theirs, np.random.default_rng(0))
+    pairs = seeds[0] * seeds[1]
+    u = [stats.mannwhitneyu(ours[:, k], theirs[:, k]).statistic / pairs for k in range(6)]
+    assert found.value == pytest.approx(np.mean(u), abs=1e-12)
+    assert 0.0 <= found.low < found.value < found.high <= 1.0
+
+
+def test_the_stratified_bootstrap_draws_runs_for_each_scenario():
+    """Written out once more with plain indices, as rliable's `StratifiedBootstrap` does."""
+    generator = np.random.default_rng(4)
+    ours, theirs = generator.normal(0.4, 1.0, (8, 5)), generator.normal(size=(6, 5))
+    found = probability_of_improvement(ours, theirs, np.random.default_rng(0), resamples=20_000)
+    drawn = []
+    for _ in range(4000):
+        mine = np.stack([ours[generator.integers(0, 8, 8), k] for k in range(5)], axis=1)
+        other = np.stack([theirs[generator.integers(0, 6, 6), k] for k in range(5)], axis=1)
+        drawn.append((mine[:, None] > other[None]).mean())
+    assert (found.low, found.high) == pytest.approx(np.quantile(drawn, [0.025, 0.975]), abs=0.012)
+
+
+def test_runs_that_always_win_leave_a_doubt():
+    found = probability_of_improvement(np.ones((5, 10)), np.zeros((1, 10)), np.random.default_rng(0))
+    assert found.value == found.high == 1.0 and 0.8 < found.low < 0.99
+
+
+def test_a_single_run_of_both_has_no_interval():
+    found = probability_of_improvement(np.ones((1, 4)), np.zeros((1, 4)), np.random.default_rng(0))
+    assert found.value == 1.0 and math.isnan(found.low)
+    with pytest.raises(ValueError, match="as many scenarios of both"):
+        probability_of_improvement(np.ones((2, 4)), np.zeros((2, 3)), np.random.default_rng(0))

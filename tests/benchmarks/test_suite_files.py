@@ -10,9 +10,9 @@ import pytest
 
 import lanekeep_benchmarks
 from lanekeep_benchmarks.__main__ import main
+from lanekeep_benchmarks.plan import make_plan
 from lanekeep_benchmarks.results import EPISODES
 from lanekeep_benchmarks.run_record import RUN
-from lanekeep_benchmarks.runs import make_plan
 from lanekeep_benchmarks.suites import SUITES, read_suite
 from lanekeep_benchmarks.suites.reader import LARGEST_FILE, LONGEST_LINE
 
@@ -156,6 +156,11 @@ def test_a_file_is_driven_and_resumed_and_a_changed_one_is_refused(mine, tmp_pat
         (HEAD + ONE + 'keywords.dtype = "float32"', ["scenario a: got an unexpected keyword argument 'dtype'"]),
         (HEAD + ONE + "keywords.road.kind = 'randon'", ["scenario a: ", "'randon'", "'random'"]),
         (HEAD + ONE + "told.frction = 0.6", ["scenario a: got an unexpected keyword argument 'frction'"]),
+        (HEAD + ONE + 'metrics = ["rms_eror"]', ["scenario 1: metrics='rms_eror' is unknown"]),
+        (HEAD + ONE + 'metrics = ["return", "return"]', ["scenario 1: metrics must differ: 'return' appears twice"]),
+        (HEAD + ONE + "metrics = [3]", ["metrics=3 is unknown"]),
+        (HEAD + ONE + 'metrics = ["lap_time"]', ["scenario a: metrics='lap_time' is not allowed"]),
+        (HEAD + ONE + 'metrics = ["smallest_gap"]', ["metrics='smallest_gap' is not allowed", "tells no 'gap'"]),
         (HEAD + ONE + "options.arclength = 0.0", ["scenario a: ", "'arclength' is unknown", "arc_length"]),
         ("name = \n", ["line 1"]),
         (f"{HEAD}{ONE}{ONE}title = 3\n", ["Cannot overwrite", "line 10"]),

@@ -6,7 +6,7 @@ import pytest
 
 import lanekeep_baselines
 from lanekeep_benchmarks.evaluate import make_cars
-from lanekeep_benchmarks.runs import make_plan
+from lanekeep_benchmarks.plan import make_plan
 from lanekeep_benchmarks.suites import SUITES
 from lanekeep_env import RANDOMISATIONS, SENSOR_SETS
 from lanekeep_env.physics.parameters import VEHICLES

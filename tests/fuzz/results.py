@@ -61,7 +61,7 @@ TINY: dict[str, Any] = dict(
 
 def benchmark_run(folder: Path) -> Files:
     """The files of a run that is half done."""
-    plan, opened = runs.open_run("fuzzed", ("pd", "yin-lqr"), None, None, None, out=folder)
+    plan, opened = runs.open_run(runs.Options("fuzzed", ("pd", "yin-lqr"), out=folder))
     with opened:
         for _ in runs.drive(plan, opened):
             pass
@@ -94,7 +94,7 @@ def _planned(*options: Any) -> runs.Plan:
 def resume_benchmark(folder: Path) -> None:
     """What `lanekeep bench --resume` does before it drives; the run must have all of its lines then."""
     with mock.patch.object(runs, "make_plan", _planned):
-        plan, opened = runs.open_run(None, None, None, None, None, out=folder, resume=True)
+        plan, opened = runs.open_run(runs.Options(out=folder, resume=True))
     with opened:
         lines = [json.loads(line) for line in (folder / EPISODES).read_bytes().split(b"\n") if line]
     assert len(lines) == len(plan.results) == len({result.place for result in plan.results}) <= plan.total

@@ -69,5 +69,5 @@ def parking(found: Replication) -> None:
     axes.annotate("shortest gap\nof one sweep", (needed, 50.0), xytext=(26, 0), textcoords="offset points", ha="left")
     axes.set(xlabel="length of the longest gap [m]", ylabel="parked [%]", ylim=(-4.0, 104.0), xlim=(0.5, None))
     axes.grid(**GRID)
-    axes.legend(loc="center right")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False, fontsize=8)
     found.pictures["parking_gaps.png"] = png(figure)

@@ -67,9 +67,11 @@ def root_loci(title: str, loci: Sequence[Locus]) -> bytes:
             )  # fmt: skip
         axes.set(xlim=(west, east), ylim=(south, north), aspect="equal")
         axes.set_title(locus.title, fontsize=10)
+        axes.set_xlabel("Re z", fontsize=9, labelpad=1.0)
+        axes.set_ylabel("Im z", fontsize=9, labelpad=0.0)
         axes.grid(**GRID)
         if locus.gains:
-            axes.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.07))
+            axes.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.12))
     figure.suptitle(title, fontsize=11)
     return png(figure)
 

@@ -20,7 +20,7 @@ def figure_5(wanted: Floats, curves: Mapping[str, Floats]) -> bytes:
         axes.plot(span, span, color="#909090", linewidth=0.8, label="bisector")
         axes.plot(np.degrees(wanted), np.degrees(angle), color=colour_of(place), linewidth=1.2)
         axes.set_title(f"{name} over the measured angle", fontsize=10)
-        axes.set_xlabel("set-point δ_soll [°]")
+        axes.set_xlabel("set-point of δ [°]")
         axes.set_aspect("equal")
         axes.grid(**GRID)
     panels[0].set_ylabel("road-wheel angle δ [°]")

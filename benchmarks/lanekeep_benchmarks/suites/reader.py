@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from lanekeep_benchmarks.metrics import METRICS
 from lanekeep_benchmarks.suites.records import Suite, SuiteScenario
 from lanekeep_env import ENVIRONMENTS
 from lanekeep_env.checks import LONGEST_ECHO, choose, nearest, require, shown, shown_path
@@ -31,6 +32,7 @@ _COMMON: dict[str, type] = {
     "options": dict,
     "told": dict,
     "max_episode_steps": int,
+    "metrics": list,
 }
 _SCENARIO: dict[str, type] = {"name": str, "title": str, **_COMMON}
 _SUITE: dict[str, type] = {
@@ -108,6 +110,7 @@ def _scenario(where: str, table: Any, common: Mapping[str, Any]) -> SuiteScenari
     fields = {**common, **table}
     for part in ("keywords", "options", "told"):
         fields[part] = {**common.get(part, {}), **table.get(part, {})}
+    fields["metrics"] = tuple(fields.get("metrics", ()))
     return SuiteScenario(**fields)
 
 
@@ -125,6 +128,9 @@ def _check_fields(where: str, table: Mapping[str, Any], kinds: Mapping[str, type
             raise ValueError(f"{where}{key} is missing; it must be {_KINDS[kinds[key]]}")
     if "env_id" in table:
         choose(f"{where}env_id", table["env_id"], ENVIRONMENTS)
+    for metric in table.get("metrics", ()):
+        choose(f"{where}metrics", metric, METRICS)
+    _check_distinct(f"{where}metrics", table.get("metrics", ()))
     require(
         f"{where}max_episode_steps", table.get("max_episode_steps"), "", at_least=1, at_most=10_000_000, optional=True
     )

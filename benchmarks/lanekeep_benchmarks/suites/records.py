@@ -26,6 +26,8 @@ class SuiteScenario:
         max_episode_steps: length of an episode; None keeps the registered one.
         told: what policies are told instead of the truth: fields of the scenario that they are made for where it is
             not the one they drive. What ``randomisation`` changes needs no word here, they do not know of it anyway.
+        metrics: keys of what is measured (`metrics.METRICS`), the first of which differences are told; empty for those
+            of the environment's task.
     """
 
     name: str
@@ -35,6 +37,7 @@ class SuiteScenario:
     options: Mapping[str, Any] = field(default_factory=dict)
     max_episode_steps: int | None = None
     told: Mapping[str, Any] = field(default_factory=dict)
+    metrics: tuple[str, ...] = ()
 
     def policies_scenario(self, definition: Scenario) -> Scenario:
         """Return the scenario that policies are made for, where ``definition`` is driven."""

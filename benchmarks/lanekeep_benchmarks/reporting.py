@@ -1,0 +1,66 @@
+"""Summary, tables and pictures of a run, into its folder."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lanekeep_benchmarks import plots
+from lanekeep_benchmarks.evaluate import episode_seed, make_cars, record
+from lanekeep_benchmarks.looks import interesting
+from lanekeep_benchmarks.metrics import METRICS
+from lanekeep_benchmarks.plan import Plan
+from lanekeep_benchmarks.report import markdown
+from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder
+from lanekeep_benchmarks.suites import SuiteScenario
+from lanekeep_benchmarks.summary import rows_of, summarise
+
+
+def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
+    """Write summary, tables and plots; return the summary."""
+    summary = summarise(plan.suite, plan.results, plan.policies)
+    folder.write(SUMMARY, json.dumps(summary, indent=1, allow_nan=False) + "\n")
+    folder.write(TABLE, markdown(summary))
+    folder.write("plot_errors.png", plots.plot_errors(summary))
+    folder.write("plot_profiles.png", plots.plot_profiles(summary, _first_metrics(plan)))
+    # One training seed shows what the others do; more would hide the other policies.
+    drawn = {label: row[0] for label, row in rows_of(plan.policies).items()}
+    shown = [drawn[label] for label in interesting(summary)]
+    for scenario in plan.suite.scenarios:
+        _draw_episode(plan, folder, scenario, drawn, shown)
+    return summary
+
+
+def _first_metrics(plan: Plan) -> dict[str, dict[str, NDArray[np.float64]]]:
+    """The first metric of every episode by scenario and row, the worst there is where it failed."""
+    found: dict[str, dict[str, list[float]]] = {}
+    labels = {policy: label for label, row in rows_of(plan.policies).items() for policy in row}
+    for line in plan.results:
+        key = plan.metrics[line.scenario][0]
+        worst = -math.inf if METRICS[key].more_is_better else math.inf
+        of_row = found.setdefault(line.scenario, {}).setdefault(labels[line.policy], [])
+        of_row.append(worst if line.failed else line.metrics[key])
+    return {scenario: {label: np.array(of) for label, of in rows.items()} for scenario, rows in found.items()}
+
+
+def _draw_episode(
+    plan: Plan, folder: ResultFolder, scenario: SuiteScenario, drawn: dict[str, str], shown: list[str]
+) -> None:
+    """Drive episode 0 once more with the policies ``drawn``, those ``shown`` in colours."""
+    seed = episode_seed(plan.suite.name, scenario.name, 0, plan.seed)
+    env = make_cars(scenario, 1)
+    definition = env.unwrapped.scenario
+    env.close()
+    told = scenario.policies_scenario(definition)
+    traces = {name: record(scenario, plan.policy(name, told), seed) for name in drawn.values()}
+    title = f"{scenario.title}: episode 0, seed {plan.seed}"
+    width = getattr(definition, "lane_width", None)
+    picture = plots.plot_episode(title, traces, definition.control_step, width, shown)
+    folder.write(f"plot_episode_{scenario.name}.png", picture)
+    if plan.road is not None:
+        picture = plots.plot_map(title, definition.road.build()[0], traces, definition.lane_width, shown)
+        folder.write(f"plot_map_{scenario.name}.png", picture)
