@@ -45,6 +45,7 @@ SCENARIOS = {
 }
 #: Values of fields within records, where a third more of the default would not do.
 INNER = {
+    "side_sensor": lambda s: 0.14,
     "speed.hold": lambda scenario: 10 * scenario.control_step,
     "speed.lateral_acceleration": lambda scenario: 0.2,
     "speed.standstill": lambda scenario: 0.4,

@@ -98,6 +98,7 @@ BETWEEN_WALLS = {
     "steering_offset": [0.02, (-0.1, 0.03)],
     "servo": [{"left": 0.35, "right": 0.3, "ticks": 50}, {"angles": (-0.35, -0.2, 0.03, 0.1, 0.3)}],
     "set_distance": [0.7],
+    "side_sensor": [0.14],
     "start_lateral_error": [0.05],
     "start_heading_error": [0.2],
     "contact": ["cost", "off"],
@@ -149,8 +150,8 @@ DRIVING = {
 }
 IN_A_CIRCUIT = {
     **BETWEEN_WALLS,
-    **{key: [] for key in ("speed", "set_distance", "reference_lateral_error", "cost_weight")},  # have no effect
-    **{key: [] for key in ("reference_steering_rate", "cost_cap")},
+    **{key: [] for key in ("speed", "set_distance", "side_sensor", "reference_lateral_error")},  # have no effect
+    **{key: [] for key in ("cost_weight", "reference_steering_rate", "cost_cap")},
     "max_speed": [1.0],
     "max_acceleration": [1.0],
     "laps": [2],

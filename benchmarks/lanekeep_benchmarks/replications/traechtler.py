@@ -66,7 +66,7 @@ def figure_5(found: Replication) -> None:
 
 def steady_curves(found: Replication) -> None:
     """The rear wheel's error in steady curves, K2 = 2 l/(l + f)²."""
-    checked = {100.0: (3.0, 3.0), 50.0: (14.5, 11.0), 30.0: (43.0, 25.0), 20.0: (105.0, 44.0)}
+    checked = {100.0: ("3", "3"), 50.0: ("14.5", "11"), 30.0: ("43", "25"), 20.0: ("105", "44")}
     for edge, errors in checked.items():
         for side, sign, error in (("right", -1.0, errors[0]), ("left", 1.0, errors[1])):
             radius = sign * (edge - sign * 1.5)
@@ -76,14 +76,15 @@ def steady_curves(found: Replication) -> None:
             )  # fmt: skip
             reached = 1000.0 * abs(float(driven.lateral[-1]))
             quantity = f"rear wheel's error in a {side} curve, edge radius {edge:.0f} m"
-            found.rows.append(Row(quantity, "(11), checked", error, reached, "mm", 1))
+            digits = len(error.partition(".")[2])
+            found.rows.append(Row(quantity, "(11), checked", float(error), reached, "mm", digits))
 
 
 def damping(found: Replication) -> None:
     """Damping of the linear loop without and with K3."""
     model = CameraModel(3.0, 3.5, 0.25)
     cases = ((0.0, 1.0, 0.706), (0.0, 6.0, 0.540), (1.0, 1.0, math.sqrt(0.5)), (1.0, 6.0, math.sqrt(0.5)))
-    for k3, speed, published in cases:
+    for k3, speed, checked in cases:
         loop = np.polymul(
             [k3 * model.derivative_gain, model.proportional_gain],
             [model.reach * speed / model.wheelbase, speed**2 / model.wheelbase],
@@ -92,13 +93,13 @@ def damping(found: Replication) -> None:
         swinging = poles[np.abs(poles.imag) > 1e-9]
         ratio = float((-swinging.real / np.abs(swinging)).min())
         gain = "K3 = T K2" if k3 else "K3 = 0"
-        found.rows.append(Row(f"damping, {gain}, {speed:.0f} m/s", "(12), checked", published, ratio))
+        found.rows.append(Row(f"damping, {gain}, {speed:.0f} m/s", "(12), checked", checked, ratio))
 
 
 def limit_cycles(found: Replication) -> None:
     """Half of the swing of d on a straight, with 2° of backlash."""
     cases = (("motor", 4.0, 0.16), ("road_wheel", 2.0, 0.023), ("road_wheel", 4.0, 0.043), ("road_wheel", 6.0, 0.061))
-    for feedback, speed, published in cases:
+    for feedback, speed, checked in cases:
         driven = drive(
             "CameraLane-v0", "traechtler-pd", 400.0 / speed, road="straight", speed=speed, vehicle=steering(feedback),
             offset=0.3,
@@ -106,7 +107,8 @@ def limit_cycles(found: Replication) -> None:
         late = driven.edge[int(0.6 * len(driven.edge)) :]
         place = "on the motor" if feedback == "motor" else "behind the gear"
         quantity = f"limit cycle of d, loop {place}, {speed:.0f} m/s"
-        found.rows.append(Row(quantity, "section 3, checked", published, float(np.ptp(late)) / 2, "m"))
+        digits = 2 if feedback == "motor" else 3
+        found.rows.append(Row(quantity, "section 3, checked", checked, float(np.ptp(late)) / 2, "m", digits))
 
 
 def blind_turns(found: Replication) -> None:
