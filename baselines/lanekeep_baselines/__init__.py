@@ -50,6 +50,7 @@ _POLICIES = {
     "yin-lqr-observer-printed": "yin:YinLqrObserverPrinted",
     "yin-lqr-observer": "yin:YinLqrObserver",
     "yin-lqr-feedforward": "yin:YinLqrFeedforward",
+    "lane-support": "lane_support:LaneSupport",
     "lq-preview": "lq:LqPreview",
     "lq-preview-offset-free": "lq:LqPreviewOffsetFree",
     "lqg": "lq:LinearQuadraticGaussian",

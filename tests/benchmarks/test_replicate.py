@@ -45,7 +45,7 @@ def table_of(found, title):
 
 
 #: How many rows a work has, and how many of them are numbers that the work itself prints.
-COUNTS = {"traechtler": (17, 1), "yin": (46, 27), "knightriders": (34, 4), "werling": (15, 5)}
+COUNTS = {"traechtler": (17, 1), "yin": (46, 27), "knightriders": (40, 5), "werling": (15, 5)}
 #: Of rows that are not equal to the last digit, how far they may be off; ranges, lags, shift points, coarser steps.
 TOLERANCES = {
     "limit cycle": 0.003,
@@ -94,6 +94,7 @@ PICTURES = {
     "traechtler": {"figure_5.png", "figure_7.png"},
     "knightriders": {
         "comparison.png",
+        "figures_3_04_3_05_3_25.png",
         "figures_3_08_to_3_10.png",
         "figures_3_12_to_3_19.png",
         "figures_3_33_to_3_40.png",
@@ -249,6 +250,23 @@ def test_one_sample_makes_the_published_cascade_chatter_and_the_redesign_not(rep
         else:
             assert float(pole) < 1.0 and float(share) < 5.0 and float(beyond) < 0.5
             assert float(error) < 1.0 and float(change) < 0.02
+
+
+def test_no_pole_of_the_pi_is_left_of_zero_from_0_2_to_3_m_s_on_both_cars(replicated):
+    rows = table_of(replicated("knightriders"), "No pole left of zero")
+    assert len(rows) == 18 and {row[1] for row in rows} >= {"0.2", "3"}
+    for *_, published, bounded in rows:
+        assert "−" not in bounded and "unstable" not in bounded
+        assert all(
+            abs(complex(part.replace(" ", "").replace("±", "+").replace("i", "j"))) < 1.0
+            for part in bounded.split(", ")
+        )
+    assert sum("unstable" in row[3] for row in rows) == 4 and sum("−" in row[3] for row in rows) == 11
+
+
+def test_the_slow_cascade_on_the_filter_touches_no_wall(replicated):
+    rows = table_of(replicated("knightriders"), "at low speed")
+    assert len(rows) == 9 and all(row[2:] == ["0", "0"] for row in rows)
 
 
 def test_the_cascade_on_the_filter_stays_within_2_cm_and_the_pd_does_not(replicated):

@@ -33,6 +33,7 @@ WALLS = [{"dynamics": "dynamic"}, {"scan": "perfect"}, {"action": "steering_rate
 SCENARIOS = {
     "LaneKeep": [*ROAD, {"tyre": "magic_formula"}],
     "RoadWorks": [ROAD[0], {"speed": {"lateral_acceleration": 0.5}}],
+    "LaneSupport": [ROAD[0], {"driver": "attentive"}, {"driver": {"wander": 0.0}}],
     "Evasive": [ROAD[0], {"tyre": "linear"}],
     "CameraLane": CAMERA,
     "TurnOff": [{"speed": {**CONSTANT, "hold": None}}],
@@ -45,7 +46,7 @@ SCENARIOS = {
 }
 #: Values of fields within records, where a third more of the default would not do.
 INNER = {
-    "side_sensor": lambda s: 0.14,
+    "side_sensor": lambda scenario: 0.14,
     "speed.hold": lambda scenario: 10 * scenario.control_step,
     "speed.lateral_acceleration": lambda scenario: 0.2,
     "speed.standstill": lambda scenario: 0.4,

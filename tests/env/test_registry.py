@@ -25,6 +25,7 @@ from lanekeep_env.scenario import (
     DriveScenario,
     EvasiveScenario,
     LaneKeepScenario,
+    LaneSupportScenario,
     ObstacleCircuitScenario,
     ParallelParkScenario,
     ReversePathScenario,
@@ -120,6 +121,17 @@ EVASIVE = {
     "observation": ["measured"],
     "episode_steps": [200],
 }
+SUPPORTING = {
+    **ON_A_ROAD,
+    **{key: [] for key in ("action", "max_steering_rate", "reference_lateral_error", "reference_steering_rate")},
+    "road": ["yin", {"kind": "circle", "radius": 400.0}],
+    "speed": [25.0, {"lateral_acceleration": 1.5, "maximum": 30.0}],
+    "lane_width": [3.5],
+    "preview": [3],
+    "episode_steps": [300],
+    "driver": ["attentive", {"lapse_rate": 0.2, "longest_lapse": 2.0}],
+    "reference_assistance": [0.05],
+}
 BACKING_UP = {
     **{key: value for key, value in EVASIVE.items() if key not in ("dynamics", "tyre", "friction")},
     "road": [{"kind": "parking", "count": 3, "smallest_radius": 6.0}, {"kind": "circle", "radius": -8.0}],
@@ -183,6 +195,7 @@ INTO_A_SPACE = {
 FOLLOWING = {**BETWEEN_WALLS, "encoder_direction": []}  # nothing else has an effect
 #: Every option of a scenario, and of those that have only other defaults, with values beside its default.
 TABLES = {
+    LaneSupportScenario: SUPPORTING,
     LaneKeepScenario: ON_A_ROAD,
     CameraLaneScenario: BY_CAMERA,
     WallFollowScenario: FOLLOWING,
