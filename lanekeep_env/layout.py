@@ -114,7 +114,8 @@ LAPSE = 86  # control steps until a driver who does not look looks at the road a
 AIM = 87  # where the driver wants to be, m left of the lane's centre
 INTERVENTIONS = 88  # of the assistant in this episode
 HANDOVER = 89  # largest change of the assistance in a control step in which the authority changed, rad
-CAR_ROWS = 90  # further rows, as many as needed: commands (newest first), then the sensors' rows
+SET_POINT = 90  # distance from the road's edge that a camera-guided car is to keep, m
+CAR_ROWS = 91  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the car (a uint64, reinterpreted)
@@ -300,6 +301,14 @@ V_LAPSES = 6  # probability a control step that the driver looks away ...
 V_SHORTEST, V_LONGEST = 7, 8  # ... and for how many control steps
 V_ANGLE, V_ANGLE_GROWTH = 9, 10  # steering angle over curvature, m, and its growth with the speed's square, s²/m
 DRIVER_SIZE = 11
+
+# guidance: float64, GUIDANCE_SIZE numbers; then the bends of the roads, (bends, 2): station of the start (m) and length
+# (m), and of each road its first bend and their number; for camera-guided cars with set points or a faulty plan
+G_OFFSET, G_RADIUS, G_ANGLE, G_RECOGNISED = 0, 2, 4, 6  # low and high of the plan's errors
+G_SET_LOW, G_SET_HIGH = 8, 9  # of the set points, m
+G_HOLD = 10  # control steps between set points, inf for one an episode
+G_SIDE = 11  # 1 where the right edge is seen, -1 for the left one
+GUIDANCE_SIZE = 12
 
 # timelines: (timelines, events, 4): time (s), kind, and up to two numbers; unused events are at inf
 E_TIME, E_KIND, E_FIRST, E_SECOND = 0, 1, 2, 3

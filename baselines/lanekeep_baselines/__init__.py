@@ -37,6 +37,7 @@ _POLICIES = {
     "knightriders-pd": "knightriders:KnightRidersPd",
     "knightriders-pd-as-driven": "knightriders:KnightRidersPdAsDriven",
     "traechtler-pd": "traechtler:TraechtlerPd",
+    "traechtler-p": "traechtler:TraechtlerP",
     "traechtler-pd-lowered": "traechtler:TraechtlerPdLowered",
     "traechtler-blind": "traechtler_blind:TraechtlerBlind",
     "traechtler-inverse": "traechtler_blind:TraechtlerInverse",

@@ -62,3 +62,20 @@ class WithDriver(OnRoads):
 
 class DriverEnv(WithDriver, SingleEnv):
     """One car with a driver; subclasses name the task's scenario, and are its page of documentation."""
+
+
+class Guided(OnRoads):
+    """What camera-guided environments share, single or vector."""
+
+    @staticmethod
+    def make_cars(*arguments: Any) -> Any:
+        """Return the kernel's arrays; the arguments are those of `Cars`."""
+        if not arguments[0].told_more:
+            return OnRoads.make_cars(*arguments)
+        from lanekeep_env.families.road.guided_cars import GuidedCars
+
+        return GuidedCars(*arguments)
+
+
+class GuidedEnv(Guided, SingleEnv):
+    """One camera-guided car; subclasses name the task's scenario, and are its page of documentation."""

@@ -187,7 +187,7 @@ for model in [model for model in vars(models).values() if isinstance(model, mode
         made += step_kernels(model, WITH_DRIVER, 2)
     for value in made:
         print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
-for value in (reset_kernel(ON_ROADS), reset_kernel(BETWEEN_WALLS), reset_kernel(ON_COURSES)):
+for value in map(reset_kernel, (ON_ROADS, WITH_DRIVER, BETWEEN_WALLS, ON_COURSES)):
     print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
 """
 
