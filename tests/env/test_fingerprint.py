@@ -16,6 +16,7 @@ from numba.core.dispatcher import Dispatcher
 import lanekeep_env
 from lanekeep_env.compile import inline, kernel
 from lanekeep_env.engine.step import reset_kernel, step_kernels
+from lanekeep_env.families.road.guided import GUIDED
 from lanekeep_env.families.road.kernel import ON_ROADS
 from lanekeep_env.families.road.support import WITH_DRIVER
 from lanekeep_env.families.wall.course import ON_COURSES
@@ -55,7 +56,8 @@ KERNELS += [
 ]
 KERNELS += [made for model in MODELS if model.pace == PACED for made in step_kernels(model, ON_COURSES, 2)]
 KERNELS += [made for model in MODELS if model.pace == PROFILE for made in step_kernels(model, WITH_DRIVER, 2)]
-KERNELS += [reset_kernel(family) for family in (ON_ROADS, WITH_DRIVER, BETWEEN_WALLS, ON_COURSES)]
+KERNELS += step_kernels(models.FRONT_DRIVEN, GUIDED, 1)
+KERNELS += [reset_kernel(family) for family in (ON_ROADS, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)]
 
 
 def fingerprints():
@@ -166,6 +168,7 @@ PRINT = """
 import sys
 import lanekeep_env.walls.raycast
 from lanekeep_env.engine.step import reset_kernel, step_kernels
+from lanekeep_env.families.road.guided import GUIDED
 from lanekeep_env.families.road.kernel import ON_ROADS
 from lanekeep_env.families.road.support import WITH_DRIVER
 from lanekeep_env.families.wall.course import ON_COURSES
@@ -185,9 +188,11 @@ for model in [model for model in vars(models).values() if isinstance(model, mode
         made += step_kernels(model, ON_COURSES, 2)
     if model.pace == models.PROFILE:
         made += step_kernels(model, WITH_DRIVER, 2)
+    if model is models.FRONT_DRIVEN:
+        made += step_kernels(model, GUIDED, 1)
     for value in made:
         print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
-for value in map(reset_kernel, (ON_ROADS, WITH_DRIVER, BETWEEN_WALLS, ON_COURSES)):
+for value in map(reset_kernel, (ON_ROADS, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)):
     print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
 """
 

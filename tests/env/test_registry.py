@@ -68,7 +68,12 @@ BY_CAMERA = {
     },
     **{key: ON_A_ROAD[key] for key in ("cost_weight", "cost_cap", "max_steering_angle", "max_steering_rate")},
     "vehicle": ["yin", {"base": "van", "steering": {"lag": 0.1, "delay": 0.05, "backlash": 0.1, "feedback": "motor"}}],
-    "road": [{"kind": "circle", "radius": -12.0}, {"kind": "turn-off", "lost": 2.0}, {"kind": "yard", "count": 8}],
+    "road": [
+        {"kind": "circle", "radius": -12.0},
+        {"kind": "turn-off", "lost": 2.0},
+        "bypass",
+        {"kind": "yard", "count": 8},
+    ],
     "speed": [4.0, {"minimum": 1.0, "hold": 2.0, "standstill": 0.3, "lateral_acceleration": 1.5}],
     "start_lateral_error": [0.2],
     "start_course_error": [0.1],
@@ -80,6 +85,8 @@ BY_CAMERA = {
     "camera": [{"edge": "left"}, {"look_ahead": 2.0, "field_of_view": 1.2}],
     "plan": [4],
     "plan_spacing": [0.7],
+    "plan_errors": [{"offset": 0.5, "radius": (-0.1, 0.1)}, {"angle": -0.05, "recognised": (2.0, 5.0)}],
+    "set_points": [1.2, {"minimum": 1.0, "maximum": 2.0, "hold": 2.0}],
 }
 BETWEEN_WALLS = {
     **{key: ON_A_ROAD[key] for key in ("action", "observation", "randomisation", "dtype", "episode_steps")},

@@ -15,7 +15,9 @@ import lanekeep_env  # noqa: F401
 from lanekeep_baselines.traechtler_model import CameraModel
 from lanekeep_benchmarks.replications import traechtler_plots as plots
 from lanekeep_benchmarks.replications.record import Replication, Row, Table
-from lanekeep_benchmarks.replications.van import NO_BACKLASH, Drive, drive, simulate
+from lanekeep_benchmarks.replications.traechtler_model import derivative_part, figure_2, figure_3, set_points
+from lanekeep_benchmarks.replications.traechtler_turns import angles, plan_errors
+from lanekeep_benchmarks.replications.van import NO_BACKLASH, Drive, Floats, drive, simulate
 
 EDGE_RADII = (8.0, 10.0, 12.0, 20.0)
 SPEEDS = (2.0, 4.0, 6.0)
@@ -40,26 +42,48 @@ def actuator(found: Replication) -> None:
     found.rows.append(Row("time constant T of the steering loop, small step", "section 3", 0.25, lag, "s"))
 
 
+def pure_control(wanted: Floats, step: float, gap: float, rate: float) -> Floats:
+    """Return the road wheel's angle (rad) behind a motor that only gets the set-point's speed: no angle is fed back.
+
+    Where the set-point moves faster than ``rate`` (rad/s) the motor loses what it never finds again; the wheel follows
+    it through a gear with ``gap`` rad of backlash.
+    """
+    motor = wanted[0] + np.concatenate([[0.0], np.cumsum(np.clip(np.diff(wanted), -rate * step, rate * step))])
+    wheel, angle = [], motor[0]
+    for place in motor:
+        angle = min(max(angle, place - gap / 2), place + gap / 2)
+        wheel.append(angle)
+    return np.array(wheel)
+
+
 def figure_5(found: Replication) -> None:
-    """Set-point against angle, with and without the loop, of a slow drive from side to side."""
-    time = 0.04 * np.arange(3000)
+    """Set-point against angle of a slow drive from side to side: pure control of the motor, and the loop."""
+    step, gap, rate = 0.04, math.radians(2.0), math.radians(20.0)
+    time = step * np.arange(3000)
     wanted = np.radians(16.0) * np.sin(2 * np.pi * time / 60.0) * np.cos(2 * np.pi * time / 23.0)
-    curves = {}
-    for name, feedback in (("without loop", "motor"), ("with loop", "road_wheel")):
+    curves = {"without loop": pure_control(wanted, step, gap, rate)}
+    for called, feedback in (("with loop", "road_wheel"), ("loop on the motor", "motor")):
         env = gym.make(
             "lanekeep/CameraLane-v0", speed=0.0, road="straight", vehicle=steering(feedback), episode_steps=4000
         )
         env.reset(seed=0, options={"lateral_error": 0.0, "heading_error": 0.0})
         angle = [env.step(np.array([want / 0.6], dtype=np.float32))[0][3] for want in wanted]
         env.close()
-        curves[name] = np.array(angle)
-    found.pictures["figure_5.png"] = plots.figure_5(wanted, curves)
-    width = {name: np.degrees(np.sqrt(np.mean((angle - wanted) ** 2))) for name, angle in curves.items()}
+        curves[called] = np.array(angle)
+    found.pictures["figure_5.png"] = plots.figure_5(
+        wanted, {name: curves[name] for name in ("without loop", "with loop")}
+    )
+    rows = []
+    for name, angle in curves.items():
+        # Width of the hysteresis: between rising and falling set-points near 0.
+        rising, near = np.gradient(wanted) > 0.0, np.abs(wanted) < np.radians(3.0)
+        width = np.degrees(np.mean((wanted - angle)[near & rising]) - np.mean((wanted - angle)[near & ~rising]))
+        rows.append((name, f"{np.degrees(np.sqrt(np.mean((angle - wanted) ** 2))):.2f}", f"{width:.2f}"))
     found.tables.append(
         Table(
-            "Figure 5: steering angle against its set-point",
-            ("steering", "RMS of angle − set-point [°]"),
-            tuple((name, f"{value:.2f}") for name, value in width.items()),
+            "Figure 5: steering angle against its set-point; without the loop the motor is only told to turn",
+            ("steering", "RMS of angle − set-point [°]", "width of the hysteresis near 0 [°]"),
+            tuple(rows),
         )
     )
 
@@ -198,10 +222,16 @@ def figure_7(found: Replication) -> None:
 
 STEPS = (
     ("steering loop", actuator),
+    ("Figure 2", figure_2),
+    ("Figure 3", figure_3),
     ("Figure 5", figure_5),
     ("steady curves", steady_curves),
     ("damping", damping),
+    ("derivative part", derivative_part),
+    ("set points", set_points),
     ("limit cycles", limit_cycles),
     ("Figure 7", figure_7),
     ("blind turns", blind_turns),
+    ("angles", angles),
+    ("errors of the plan", plan_errors),
 )
