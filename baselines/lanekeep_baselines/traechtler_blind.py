@@ -58,7 +58,7 @@ class Planned(TraechtlerPd):
 
     reads = ("edge_distance", "edge_valid", "speed", "steering_angle")
     uses: ClassVar[tuple[str, ...]] = ("planned_curvature_*", "set_distance")
-    needs = (Need("a plan up to the camera's point", _lacking_plan),)
+    needs: ClassVar[tuple[Need, ...]] = (Need("a plan up to the camera's point", _lacking_plan),)
 
     def __init__(self, scenario: PlanScenario) -> None:
         super().__init__(scenario)

@@ -67,9 +67,9 @@ def figure_5(found: Replication) -> None:
             "lanekeep/CameraLane-v0", speed=0.0, road="straight", vehicle=steering(feedback), episode_steps=4000
         )
         env.reset(seed=0, options={"lateral_error": 0.0, "heading_error": 0.0})
-        angle = [env.step(np.array([want / 0.6], dtype=np.float32))[0][3] for want in wanted]
+        followed = [env.step(np.array([want / 0.6], dtype=np.float32))[0][3] for want in wanted]
         env.close()
-        curves[called] = np.array(angle)
+        curves[called] = np.array(followed)
     found.pictures["figure_5.png"] = plots.figure_5(
         wanted, {name: curves[name] for name in ("without loop", "with loop")}
     )

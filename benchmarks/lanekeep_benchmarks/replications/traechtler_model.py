@@ -57,7 +57,7 @@ def van_distance(action: float, seconds: float, road: Any) -> tuple[Floats, Floa
 
 def figure_2(found: Replication) -> None:
     """Both situations: the exact way, its linear form, and the van with the environment's camera."""
-    time = np.linspace(0.0, 2.0, 81)
+    time: Floats = np.linspace(0.0, 2.0, 81, dtype=np.float64)
     curves: dict[str, dict[str, tuple[Floats, ...]]] = {"a": {}, "b": {}}
     worst = [0.0, 0.0]
     before = 20.0
@@ -72,7 +72,7 @@ def figure_2(found: Replication) -> None:
         curves["a"][f"R = {radius:.0f} m"] = (*entering(time, radius), since[shown][::10], distance[shown][::10] - SET)
     for angle in ANGLES:
         station, distance = van_distance(math.radians(angle) / 0.6, 2.0, "straight")
-        since = 0.01 * np.arange(len(distance))
+        since = 0.01 * np.arange(len(distance), dtype=np.float64)
         exact, _ = turning(since, math.radians(angle))
         shown = SET + exact < 4.9  # within the camera's field of view
         worst[1] = max(worst[1], float(np.abs(distance - SET - exact)[shown].max()))
@@ -87,7 +87,7 @@ def figure_2(found: Replication) -> None:
 def figure_3(found: Replication) -> None:
     """The blocks: G_κ, G_δ and both together, as the model's state equations (10) step them, against (2) and (7)."""
     step, count = 0.02, 101
-    time = step * np.arange(count)
+    time: Floats = step * np.arange(count, dtype=np.float64)
     cases = {"a: G_κ, κ = 1/50 m": (0.02, 0.0), "b: G_δ, δ = 5°": (0.0, math.radians(5.0))}
     cases["c: both"] = (0.02, math.radians(5.0))
     instant, curves, worst = CameraModel(3.0, 3.5, 0.0), {}, 0.0

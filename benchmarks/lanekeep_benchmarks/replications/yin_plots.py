@@ -31,15 +31,15 @@ def identification(run: DrivenRun, model: Floats) -> bytes:
     """Steering wheel, yaw rate, heading and course of a run: measured and from the identified model."""
     assert run.steering is not None and run.heading is not None and run.x is not None and run.y is not None
     figure = Figure(figsize=(10, 8), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=[1.6, 1.0])
-    panels = left.subplots(3, 1, sharex=True)
+    grid = figure.add_gridspec(3, 2, width_ratios=[1.6, 1.0])
+    panels = [figure.add_subplot(grid[row, 0]) for row in range(3)]
     time = run.step * np.arange(len(run.speed))
     for place, (axes, measured) in enumerate(zip(panels, (run.steering, run.yaw_rate, run.heading), strict=True)):
         axes.plot(time, np.degrees(measured), color="#909090", linewidth=2.2, label="measured")
         axes.plot(time, np.degrees(model[:, place]), color=colour_of(1), linewidth=0.9, label="identified model")
     _labelled(panels, ("steering wheel [°]", "yaw rate [°/s]", "heading [°]"), "time [s]")
     panels[0].legend(frameon=False, fontsize=8, ncols=2, loc="upper left")
-    course = right.subplots()
+    course = figure.add_subplot(grid[:, 1])
     course.plot(run.x, run.y, color="#909090", linewidth=2.2)
     course.plot(model[:, 3], model[:, 4], color=colour_of(1), linewidth=0.9)
     course.set_aspect("equal")

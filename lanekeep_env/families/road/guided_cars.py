@@ -16,10 +16,11 @@ def bends(roads: Sequence[Road]) -> tuple[np.ndarray, np.ndarray]:
 
     A bend is a stretch of curvature between straights, or between a straight and an end of the road.
     """
-    found, index = [], []
+    found: list[np.ndarray] = []
+    index = []
     for road in roads:
-        curved = (road.curvature_start != 0.0) | (road.curvature_end != 0.0)
-        edges = np.diff(np.concatenate([[False], curved, [False]]).astype(np.int64))
+        curved = ((road.curvature_start != 0.0) | (road.curvature_end != 0.0)).astype(np.int64)
+        edges = np.diff(curved, prepend=0, append=0)
         starts, ends = road.stations[np.flatnonzero(edges == 1)], road.stations[np.flatnonzero(edges == -1)]
         index.append((sum(len(one) for one in found), len(starts)))
         found.append(np.column_stack([starts, ends - starts]))
