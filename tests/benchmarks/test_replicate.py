@@ -124,6 +124,7 @@ PICTURES = {
         "compensated.png",
         "driven_path.png",
         "identification.png",
+        "lane_keeping_support.png",
         "lqr_deviation.png",
         "scenario_a.png",
         "set_path.png",
@@ -184,7 +185,7 @@ def test_the_help_lists_every_work(capsys):
 
 def test_blind_turns_are_as_good_as_the_suite_asks(replicated):
     """Bounds of the task: largest error by edge radius, 5 cm from 25 m after the switch on, calm at 20 m."""
-    table = table_of(replicated("traechtler"), "Blind")
+    table = table_of(replicated("traechtler"), "Blind turns")
     bounds = {"8": 0.70, "10": 0.55, "12": 0.45, "20": 0.25}
     assert len(table) == 24
     for radius, _, policy, largest, after, jump, *_ in table:
@@ -254,6 +255,17 @@ def test_what_the_gains_do_not_tell_changes_no_conclusion(replicated):
     assert len(rows) == 7
     for _, lqr, printed, redesigned, *_ in rows:
         assert float(redesigned) < 0.5 * float(printed) < 0.5 * float(lqr)
+
+
+def test_lane_keeping_support_keeps_a_drowsy_driver_in_the_lane_and_leaves_an_attentive_one_alone(replicated):
+    rows = table_of(replicated("yin"), "Lane keeping support")
+    assert len(rows) == 6
+    for driver, assistant, left, interventions, _, _, _, change in rows:
+        if driver == "attentive":
+            assert float(left) == 0.0 and float(interventions) < 0.1
+        else:
+            assert float(left) >= 20.0 if assistant == "none" else float(left) <= 1.0
+        assert float(change) < 0.5
 
 
 def test_the_identified_model_is_within_the_noise_of_another_run(replicated):

@@ -58,13 +58,13 @@ def pure_control(wanted: Floats, step: float, gap: float, rate: float) -> Floats
 
 def figure_5(found: Replication) -> None:
     """Set-point against angle of a slow drive from side to side: pure control of the motor, and the loop."""
-    step, gap, rate = 0.04, math.radians(2.0), math.radians(20.0)
-    time = step * np.arange(3000)
-    wanted = np.radians(16.0) * np.sin(2 * np.pi * time / 60.0) * np.cos(2 * np.pi * time / 23.0)
-    curves = {"without loop": pure_control(wanted, step, gap, rate)}
+    step, gap, motor = 0.04, math.radians(2.0), math.radians(20.0)
+    time = step * np.arange(12_000)
+    wanted = np.radians(16.0) * np.sin(2 * np.pi * time / 240.0) * np.cos(2 * np.pi * time / 92.0)
+    curves = {"without loop": pure_control(wanted, step, gap, motor)}
     for called, feedback in (("with loop", "road_wheel"), ("loop on the motor", "motor")):
         env = gym.make(
-            "lanekeep/CameraLane-v0", speed=0.0, road="straight", vehicle=steering(feedback), episode_steps=4000
+            "lanekeep/CameraLane-v0", speed=0.0, road="straight", vehicle=steering(feedback), episode_steps=20_000
         )
         env.reset(seed=0, options={"lateral_error": 0.0, "heading_error": 0.0})
         followed = [env.step(np.array([want / 0.6], dtype=np.float32))[0][3] for want in wanted]
@@ -75,9 +75,11 @@ def figure_5(found: Replication) -> None:
     )
     rows = []
     for name, angle in curves.items():
-        # Width of the hysteresis: between rising and falling set-points near 0.
-        rising, near = np.gradient(wanted) > 0.0, np.abs(wanted) < np.radians(3.0)
-        width = np.degrees(np.mean((wanted - angle)[near & rising]) - np.mean((wanted - angle)[near & ~rising]))
+        # Width of the hysteresis: between set-points that rise and fall through 0 on wide swings.
+        rate = np.gradient(wanted)
+        near = (np.abs(wanted) < np.radians(3.0)) & (np.abs(rate) > 0.5 * np.abs(rate).max())
+        off = wanted - angle
+        width = np.degrees(np.mean(off[near & (rate > 0.0)]) - np.mean(off[near & (rate < 0.0)]))
         rows.append((name, f"{np.degrees(np.sqrt(np.mean((angle - wanted) ** 2))):.2f}", f"{width:.2f}"))
     found.tables.append(
         Table(

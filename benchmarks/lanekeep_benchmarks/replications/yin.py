@@ -17,6 +17,7 @@ from lanekeep_benchmarks.replications.passat import CurvatureSteps, Drive, Float
 from lanekeep_benchmarks.replications.record import Replication, Row, Table
 from lanekeep_benchmarks.replications.yin_decoding import gains, open_numbers, steady_errors
 from lanekeep_benchmarks.replications.yin_identification import identification
+from lanekeep_benchmarks.replications.yin_support import support
 from lanekeep_env.physics.parameters import GRAVITY, VEHICLES
 
 CAR = VEHICLES["yin"]
@@ -260,4 +261,5 @@ STEPS = (
     ("sine roads", sines),
     ("steering reaction", reaction),
     ("equivalent cars", equivalent_cars),
+    ("lane keeping support", support),
 )

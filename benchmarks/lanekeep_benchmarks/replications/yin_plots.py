@@ -149,3 +149,25 @@ def steering(time: Floats, curvature: Floats, wheels: Mapping[str, Floats]) -> b
     panels[0].legend(frameon=False, fontsize=8, ncols=3, loc="lower right")
     figure.suptitle("Scenario (b): comparison of the steering", fontsize=11)
     return png(figure)
+
+
+def support(time: Floats, error: Floats, driver: Floats, added: Floats) -> bytes:
+    """One episode with a driver: place in the lane, the driver's angle and what the assistant added (road wheel)."""
+    figure = Figure(figsize=(10, 5.5), layout="constrained")
+    panels = figure.subplots(2, 1, sharex=True)
+    panels[0].plot(time, error, color=colour_of(0))
+    for sign in (-1.0, 1.0):
+        panels[0].axhline(0.975 * sign, color="#b00000", linewidth=1.0, linestyle="--")
+    panels[1].plot(time, np.degrees(driver), color=colour_of(0), label="driver asks for")
+    panels[1].plot(time, np.degrees(driver + added), color=colour_of(2), linewidth=1.0, label="actuator is told")
+    panels[1].plot(time, np.degrees(added), color=colour_of(1), label="assistant adds")
+    for axes in panels:
+        axes.fill_between(
+            time, 0, 1, where=(added != 0.0).tolist(), transform=axes.get_xaxis_transform(), color="#f0e4c8", zorder=0
+        )
+    _labelled(panels, ("lateral error [m]", "road-wheel angle [°]"), "time [s]")
+    panels[1].legend(frameon=False, fontsize=8, ncols=3, loc="upper right")
+    figure.suptitle(
+        "Lane keeping support with a drowsy driver (shaded: interventions; red: the lane's edge)", fontsize=11
+    )
+    return png(figure)
