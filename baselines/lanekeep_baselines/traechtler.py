@@ -95,4 +95,11 @@ class TraechtlerP(TraechtlerPd):
     """`traechtler-p`: the same with K3 = 0, whose damping falls from 0.71 at 1 m/s to 0.54 at 6 m/s."""
 
     name = "traechtler-p"
+    memory = 0
     derivative = 0.0
+
+    def command(
+        self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
+    ) -> tuple[Floats, Floats | None]:
+        deviation = self._side * (at["edge_distance"] - self.wanted(at))
+        return self.feedback(deviation, np.zeros_like(deviation), at["speed"]), None

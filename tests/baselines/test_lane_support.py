@@ -62,3 +62,29 @@ def test_it_adds_nothing_where_nothing_is_wrong_and_is_for_drivers_only() -> Non
     assert action[1] == 0.0 and action[0] == pytest.approx(0.01 / scenario.max_steering_angle)
     assert "lane-support" not in lanekeep_baselines.names(LaneKeepScenario(preview=12))
     assert lanekeep_baselines.names(scenario) == ("lane-support",)
+
+
+def test_rows_are_independent_mirrored_and_forget_where_an_episode_starts() -> None:
+    scenario = LaneSupportScenario()
+    policy = lanekeep_baselines.make("lane-support", scenario)
+    rng, n = np.random.default_rng(4), 37
+    rows = (rng.normal(size=(6, n, len(scenario.channels))) * 0.1).astype(np.float32)
+    rows[..., scenario.column("lateral_error")] *= 6.0
+    rows[..., [scenario.column(f"curvature_preview_{k}") for k in range(12)]] *= 0.01
+    rows[..., scenario.column("speed")] = 25.0
+    even = [channel.name in ("speed", "authority") for channel in scenario.channels]
+    starts = rng.random((6, n)) < 0.2
+    state = mirrored_state = None
+    alone = [None] * n
+    for observation, start in zip(rows, starts, strict=True):
+        kept = None if state is None else state.copy()
+        action, following = policy.predict(observation, state, start)
+        assert state is None or (state == kept).all()
+        mirrored, mirrored_state = policy.predict(np.where(even, observation, -observation), mirrored_state, start)
+        np.testing.assert_array_equal(mirrored[:, 0], -action[:, 0])
+        np.testing.assert_array_equal(mirrored[:, 1], action[:, 1])
+        for i in range(n):
+            one, alone[i] = policy.predict(observation[i], None if start[i] else alone[i])
+            np.testing.assert_array_equal(one, action[i])
+        state = following
+    assert 0.0 < state[:, 0].mean() < 1.0
