@@ -12,6 +12,7 @@ from lanekeep_env.scenario import (
     DriveScenario,
     EvasiveScenario,
     LaneKeepScenario,
+    LaneSupportScenario,
     ObstacleCircuitScenario,
     ParallelParkScenario,
     ReversePathScenario,
@@ -42,6 +43,7 @@ class Row(NamedTuple):
 ENVIRONMENTS: dict[str, Row] = {
     "lanekeep/LaneKeep-v0": Row(LaneKeepScenario, "lanekeep_env.envs.lane_keep:LaneKeepEnv"),
     "lanekeep/RoadWorks-v0": Row(RoadWorksScenario, "lanekeep_env.envs.road_works:RoadWorksEnv"),
+    "lanekeep/LaneSupport-v0": Row(LaneSupportScenario, "lanekeep_env.envs.lane_support:LaneSupportEnv"),
     "lanekeep/CameraLane-v0": Row(CameraLaneScenario, "lanekeep_env.envs.camera_lane:CameraLaneEnv"),
     "lanekeep/TurnOff-v0": Row(TurnOffScenario, "lanekeep_env.envs.camera_lane:TurnOffEnv"),
     "lanekeep/Evasive-v0": Row(EvasiveScenario, "lanekeep_env.envs.evasive:EvasiveEnv"),

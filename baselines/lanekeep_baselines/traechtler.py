@@ -31,17 +31,21 @@ class CameraScenario(Scenario, Protocol):
 class TraechtlerPd(SteeringPolicy):
     """`traechtler-pd`: delta = -K2 e - K3 e' on the deviation e of the look-ahead point.
 
-    K2 = 2 l/(l + f)², K3 = T K2. The look-ahead point is not kept at its distance in curves: the rear wheel is, and the
-    curve is not cut. The D part passes a filter of 0.1 s, which starts anew when the edge comes back into sight. While
-    it is out of sight the last distance counts.
+    K2 = 2 l/(l + f)², K3 = T K2 (the source: "very small", tuned while driving; this one cancels the actuator's lag and
+    makes the damping 1/sqrt(2) at every speed). Where the scenario has set points, e counts from them. The look-ahead
+    point is not kept at its distance in curves: the rear wheel is, and the curve is not cut. The D part passes a filter
+    of 0.1 s, which starts anew when the edge comes back into sight. While it is out of sight the last distance counts.
     """
 
     name = "traechtler-pd"
     reads: ClassVar[tuple[str, ...]] = ("edge_distance", "edge_valid", "speed")
+    uses: ClassVar[tuple[str, ...]] = ("set_distance",)
     memory = 2  # filtered deviation, whether the edge was in sight
     #: Share of K2 and K3 that is left out at `full_speed` and above, in proportion to the speed below.
     lowering: ClassVar[float] = 0.0
     full_speed: ClassVar[float] = 6.0
+    #: K3 over T K2.
+    derivative: ClassVar[float] = 1.0
 
     def __init__(self, scenario: CameraScenario) -> None:
         super().__init__(scenario)
@@ -57,12 +61,17 @@ class TraechtlerPd(SteeringPolicy):
     def feedback(self, deviation: Floats, rate: Floats, v: Floats) -> Floats:
         """Return the road-wheel angle asked for, rad, for e (m), e' (m/s) and the speed (m/s)."""
         share = 1.0 - self.lowering * np.minimum(v / self.full_speed, 1.0)
-        return -share * (self._model.proportional_gain * deviation + self._model.derivative_gain * rate)
+        derivative = self.derivative * self._model.derivative_gain
+        return -share * (self._model.proportional_gain * deviation + derivative * rate)
+
+    def wanted(self, at: Mapping[str, Floats]) -> Floats | float:
+        """Return the distance from the edge that is to be kept, m."""
+        return at.get("set_distance", self._set_distance)
 
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats | None]:
-        deviation = self._side * (at["edge_distance"] - self._set_distance)
+        deviation = self._side * (at["edge_distance"] - self.wanted(at))
         valid = at["edge_valid"] > 0.5
         anew = fresh | (valid & (memory[:, 1] < 0.5))
         filtered = np.where(anew, deviation, memory[:, 0])
@@ -80,3 +89,17 @@ class TraechtlerPdLowered(TraechtlerPd):
 
     name = "traechtler-pd-lowered"
     lowering = 0.2
+
+
+class TraechtlerP(TraechtlerPd):
+    """`traechtler-p`: the same with K3 = 0, whose damping falls from 0.71 at 1 m/s to 0.54 at 6 m/s."""
+
+    name = "traechtler-p"
+    memory = 0
+    derivative = 0.0
+
+    def command(
+        self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
+    ) -> tuple[Floats, Floats | None]:
+        deviation = self._side * (at["edge_distance"] - self.wanted(at))
+        return self.feedback(deviation, np.zeros_like(deviation), at["speed"]), None

@@ -47,12 +47,18 @@ def _lacking_plan(scenario: PlanScenario) -> str:
     )
 
 
+def _lacking_middle(scenario: PlanScenario) -> str:
+    if all(channel.name != "set_distance" for channel in scenario.channels):
+        return ""
+    return "the path of the plan to be the one that is to be driven: leave set_points out"
+
+
 class Planned(TraechtlerPd):
     """What both policies share: the planned curvature, read where it is wanted."""
 
     reads = ("edge_distance", "edge_valid", "speed", "steering_angle")
-    uses: ClassVar[tuple[str, ...]] = ("planned_curvature_*",)
-    needs = (Need("a plan up to the camera's point", _lacking_plan),)
+    uses: ClassVar[tuple[str, ...]] = ("planned_curvature_*", "set_distance")
+    needs: ClassVar[tuple[Need, ...]] = (Need("a plan up to the camera's point", _lacking_plan),)
 
     def __init__(self, scenario: PlanScenario) -> None:
         super().__init__(scenario)
@@ -82,8 +88,8 @@ class TraechtlerBlind(Planned):
 
     name = "traechtler-blind"
     # Deviation, heading and steering angle of the model, command and curvature that drive it, rate of the deviation,
-    # filtered deviation, whether the edge was in sight.
-    memory = 8
+    # filtered deviation, the distance asked for, whether the edge was in sight.
+    memory = 9
     #: Below this speed the deviation's rate tells nothing about the heading, m/s.
     slowest: ClassVar[float] = 0.3
     #: Where the planned curvature changes just ahead, the edge is believed back once it is this near to where the model
@@ -96,23 +102,25 @@ class TraechtlerBlind(Planned):
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats | None]:
         model, v = self._model, at["speed"]
-        seen = self._side * (at["edge_distance"] - self._set_distance)
+        wanted = np.broadcast_to(self.wanted(at), v.shape)
+        seen = self._side * (at["edge_distance"] - wanted)
         steer = at["steering_angle"]
-        # Where the model is now, if it went on from the last step.
+        # Where the model is now, if it went on from the last step; a new set point is a new deviation.
         e, heading, angle, command, plan = memory.T[:5]
         e, heading, angle = model.advance(e, heading, angle, command, plan, v, self._step)
+        e = e - self._side * (wanted - memory[:, 7])
         ahead = self.plan(at)
         plan = self.planned(ahead, model.reach)
         near = np.abs(seen - e) <= self.believable * self._set_distance
         steady = np.abs(ahead[:, -1] - plan) <= self.change
-        believed = fresh | (memory[:, 7] > 0.5) | near | steady
+        believed = fresh | (memory[:, 8] > 0.5) | near | steady
         valid = (at["edge_valid"] > 0.5) & believed  # the switch: S1 where true
         e, heading, angle = (
             np.where(fresh, new, old) for new, old in ((seen, e), (0.0 * seen, heading), (steer, angle))
         )
         simulated = model.rate(heading, angle, v)
         # In sight: the measured deviation and its filtered rate, which starts from the model's after a blind stretch.
-        back = valid & (memory[:, 7] < 0.5)
+        back = valid & (memory[:, 8] < 0.5)
         filtered = np.where(back, seen - self._smoothing * simulated, memory[:, 6])
         filtered = np.where(fresh, seen, filtered)
         measured = (seen - filtered) / self._smoothing
@@ -123,7 +131,7 @@ class TraechtlerBlind(Planned):
         heading = np.where(valid & ~slow, turned, heading)
         angle = np.where(valid, steer, angle)
         command = np.clip(self.feedback(deviation, rate, v), -self._limit, self._limit)
-        return command, np.stack([deviation, heading, angle, command, plan, rate, filtered, valid], axis=1)
+        return command, np.stack([deviation, heading, angle, command, plan, rate, filtered, wanted, valid], axis=1)
 
 
 class TraechtlerInverse(Planned):
@@ -141,7 +149,8 @@ class TraechtlerInverse(Planned):
     """
 
     name = "traechtler-inverse"
-    uses = (*Planned.uses, "edge_distance_new")
+    uses = ("planned_curvature_*", "edge_distance_new")
+    needs = (*Planned.needs, Need("half the lane's width as set point", _lacking_middle))
     #: Way over which the observer forgets a wrong estimate, m: both poles at -1/way.
     way: ClassVar[float] = 4.0
 

@@ -5,6 +5,7 @@ y - l_H phi, which removes the plant's zero (Figures 3.30 to 3.32). Source, sign
 
 The published inner loop is algebraic: the plant from steering to yaw rate is a pure gain, and the PI's loop gain is 17.
 Simulink solves it; a car measures the yaw rate one sample later, and then the loop is unstable from a gain of 1.82 on.
+(Listing A.9 adds a second value of the inner pole, 2/3, whose gain of 0.588 is below that: `REAR_AXLE_POLE`.)
 
 The redesign keeps the structure and the authors' own rules (no closed pole left of zero or off the real axis, inner
 loops faster), for a loop with one sample of delay:
@@ -54,14 +55,17 @@ class CascadeDesign:
 
 #: Of the published cascade: zero and closed pole of the inner loop, and the gain read off the locus of the middle one.
 RATE_ZERO, RATE_POLE, HEADING_LOOP_GAIN = 0.1, 0.15, 0.556
+#: The inner pole that listing A.9 adds as a "new value" for distances of the rear axle: loop gain 0.588, which with one
+#: sample of delay leaves poles at 0.524 and -0.112 and does not chatter. No gain of the middle loop is printed for it.
+REAR_AXLE_POLE = 2.0 / 3.0
 #: Gain of its distance at this speed, m/s, in degrees and in radians per m; at others in proportion to 1/v. The report
 #: prints none: with 4 its simulation swings "hardly" (Figure 3.35), with 2 the car in radians does not either.
 DISTANCE_GAIN_SPEED, DISTANCE_GAIN_DEGREES, DISTANCE_GAIN_RADIANS = 0.4, 4.0, 2.0
 
 
-def published_rate_loop_gain() -> float:
-    """Return k v T/l = |z_p - 1|/|z_p - n| = 17 (3.5.3)."""
-    return abs(RATE_POLE - 1.0) / abs(RATE_POLE - RATE_ZERO)
+def published_rate_loop_gain(pole: float = RATE_POLE) -> float:
+    """Return k v T/l = |z_p - 1|/|z_p - n| for a closed pole z_p, 17 for the report's (3.5.3)."""
+    return abs(pole - 1.0) / abs(pole - RATE_ZERO)
 
 
 def heading_locus(step: float) -> control.TransferFunction:
@@ -79,8 +83,8 @@ def published_cascade(car: WallCar, speed: ArrayLike, distance_gain: ArrayLike) 
     return CascadeDesign(loop / car.turn(speed), RATE_ZERO, heading, np.asarray(distance_gain, dtype=np.float64))
 
 
-#: Of the redesign: modulus margin of the inner loop, largest heading asked for, rad, and the steering limit, rad, with
-#: the share of its curvature that the distance loop may plan with.
+#: Of the redesign: modulus margin of the inner loop, largest heading asked for, rad, and the steering limit, rad, which
+#: is an assumption (the report prints none), with the share of its curvature that the distance loop may plan with.
 MODULUS_MARGIN = 0.75
 LARGEST_HEADING = float(np.deg2rad(30.0))
 STEERING_LIMIT = float(np.deg2rad(22.0))

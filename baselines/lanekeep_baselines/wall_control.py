@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.wall_cascade import CascadeDesign, published_cascade, redesigned_cascade
-from lanekeep_baselines.wall_design import PdDesign, WallCar, pi_design, state_gains
+from lanekeep_baselines.wall_design import PdDesign, WallCar, bounded_pi_design, pi_design, state_gains
 
 
 class Measured(NamedTuple):
@@ -62,12 +62,16 @@ class WallControl:
 
 
 class Pi(WallControl):
-    """First approach (3.3): u = k e + k (1 - n2) (sum of the errors before)."""
+    """First approach (3.3): u = k e + k (1 - n2) (sum of the errors before); as published, or bounded to any speed."""
+
+    def __init__(self, car: WallCar, limit: float, bounded: bool = False) -> None:
+        super().__init__(car, limit)
+        self._design = bounded_pi_design if bounded else pi_design
 
     def command(
         self, at: Measured, wanted: Floats, memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats]:
-        design = pi_design(self.car, at.speed)
+        design = self._design(self.car, at.speed)
         error, total = wanted - at.distance, np.where(fresh, 0.0, memory[:, 0])
         asked = design.gain * (error + (1.0 - design.zero) * total)
         given = self._limited(asked)

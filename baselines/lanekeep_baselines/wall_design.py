@@ -34,7 +34,8 @@ class WallCar:
 
     Attributes:
         wheelbase: l, m.
-        sensor: l_H, rear axle to side sensor, m; 0.14 in the listings of the cascade.
+        sensor: l_H, rear axle to side sensor, m; 0.175 in the listings of the first two approaches, 0.14 in those of
+            the cascade.
         step: T, s.
     """
 
@@ -51,7 +52,7 @@ class WallCar:
         return self.turn(speed) * (self.sensor + np.asarray(speed, dtype=np.float64) * self.step / 2.0)
 
     def zero(self, speed: ArrayLike) -> Floats:
-        """Return n3 of (11)."""
+        """Return n3 of (11), (l_H - v T/2)/(l_H + v T/2); it is (22)'s as well, which prints (l_H - v T/2)/2."""
         way = np.asarray(speed, dtype=np.float64) * self.step
         return (2.0 * self.sensor - way) / (2.0 * self.sensor + way)
 
@@ -98,6 +99,47 @@ def pi_design(car: WallCar, speed: ArrayLike, beside: float = 0.025) -> PiDesign
     pole = breakaway - beside
     loop_gain = np.abs((pole - 1.0) ** 3 / ((pole - n2) * (pole - n3)))
     return PiDesign(n2, breakaway, loop_gain, loop_gain / car.gain(speed))
+
+
+#: Of `bounded_pi_design`: real part of the leftmost closed pole at the least, and the slow pole's distance from 1 in
+#: those of the plant's zero at the least.
+LEFTMOST, SLOWEST_SHARE = 0.1, 0.2
+
+
+def bounded_pi_design(car: WallCar, speed: ArrayLike, beside: float = 0.025) -> PiDesign:
+    """Return the PI of 3.3.3 for any speed: the published one, changed where that would put a pole left of zero.
+
+    The report's rule is that no closed pole is left of zero at any speed; its own n2 breaks it above 1.13 m/s (pses:
+    0.83), and above 2.7 m/s (1.99) that loop is unstable. Three closed poles leave the PI one condition,
+    (p1 - n3)(p2 - n3)(p3 - n3) = (1 - n3)³. Here the leftmost pair stays at the real part 0.1, beside each other as in
+    the report, and p3 follows. Once n3 is so small that p3 would come nearer to 1 than a fifth of 1 - n3, p3 stays
+    there and the pair becomes complex. (From 2.59 m/s on, pses 1.91, n3 is below 1/2, and no PI has real positive
+    poles alone.) Stable up to 6.2 m/s (4.5).
+    """
+    published, n3 = pi_design(car, speed, beside), car.zero(speed)
+    middle, m = LEFTMOST + beside, 1.0 - n3
+    with np.errstate(divide="ignore"):
+        share = 1.0 - m * m / np.maximum((n3 - middle) ** 2 - beside**2, 0.0)
+    slow = 1.0 - np.maximum(share, SLOWEST_SHARE) * m
+    # Half of the pair's difference, squared: negative where it is complex.
+    half = (middle - n3) ** 2 - m**3 / (slow - n3)
+    gain = 3.0 - 2.0 * middle - slow
+    zero = (3.0 - (middle**2 - half + 2.0 * middle * slow)) / gain - n3
+    kept = published.breakaway - beside >= LEFTMOST
+    return PiDesign(
+        np.where(kept, published.zero, zero),
+        np.where(kept, published.breakaway, middle),
+        np.where(kept, published.loop_gain, gain),
+        np.where(kept, published.gain, gain / car.gain(speed)),
+    )
+
+
+def pi_poles(car: WallCar, speed: float, design: PiDesign) -> Floats:
+    """Return the closed poles of a PI (for this one speed) on the plant, largest real part first, (3,)."""
+    n3 = float(car.zero(speed))
+    opened = float(design.loop_gain) * np.poly([float(design.zero), n3])
+    poles = np.roots(np.polyadd(np.poly([1.0, 1.0, 1.0]), opened))
+    return np.asarray(sorted(poles, key=lambda pole: (-pole.real, pole.imag)))
 
 
 def state_gains(car: WallCar, speed: ArrayLike, poles: ArrayLike = (0.7, 0.8, 0.9)) -> Floats:

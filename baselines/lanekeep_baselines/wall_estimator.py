@@ -9,6 +9,10 @@ It is an extended filter with its covariance in the memory, row by row: the firs
 heading and biases, ask for other gains than later ones, and so does every speed. The distance makes heading and offset
 observable, in proportion to speed and to its square, the yaw rate then its bias. At standstill heading and offset rest,
 with the certainty that they had.
+
+Beyond half the cone the nearest point is on its rim, and a distance depends on the heading. That is taken for noise of
+the distance and corrects no heading: a slow car that is uncertain of its heading otherwise finds a wrong pair of
+distance and heading that explains what it hears, and turns round (11 of 400 cars met the wall at 0.1 m/s).
 """
 
 from __future__ import annotations
@@ -84,11 +88,11 @@ class WallFilter:
         states, covariance, slope = self._predict(states, covariance, speed, steering)
         # The nearest point of the wall in the cone: straight across up to half its angle, along its rim beyond.
         beyond = np.sign(states[1]) * np.maximum(np.abs(states[1]) - HALF_CONE, 0.0)
-        cosine, slant = np.cos(beyond), np.tan(beyond)
+        cosine, slant = np.cos(beyond), states[0] * np.tan(beyond)
         seen = states[0] / cosine
-        toward = (covariance[:, 0] + states[0] * slant * covariance[:, 1]) / cosine
+        toward = covariance[:, 0] / cosine
         heard = side_distance > 0.0
-        spread = (toward[0] + states[0] * slant * toward[1]) / cosine + self._noise.side_distance**2
+        spread = toward[0] / cosine + slant**2 * covariance[1, 1] + self._noise.side_distance**2
         spread = np.where(heard, spread, np.inf)
         turned = (states[1] - memory[:, 1]) / self._car.step  # before the correction: the turn that was predicted
         gain = toward / spread

@@ -2,7 +2,12 @@
 
 Source: X. Yin, "Fahrzeug-Querregelung", slides, Dortmund 25.06.2010. Its last page prints k_c and k_o without speed or
 car; both were decoded by inverting the Riccati equations: v = 25 m/s, b_w = -a_w = 11.16 1/s, a22/v = -5.137 1/s,
-b2 = 1.861 1/s², hence the angle is the steering wheel's.
+b2 = 1.861 1/s², hence the angle is the steering wheel's. The speed is forced, b_w is not, and a11, a12, a21 and b1 do
+not enter the gains at all: `lanekeep replicate yin` shows what they leave open.
+
+Misprints of the slides: y_d' = v theta_d + v beta has the wrong sign of beta for y_d = path minus vehicle; the 4×4
+matrices of the car with sideslip print a11 where the equations have a11/v, both times that they are shown. The
+matrices of the reduced model and of the observer are right.
 
 Signs and units in this file and in `yin_observer` are Yin's own: errors are PATH MINUS VEHICLE (y_d = -lateral_error,
 theta_d = -heading_error), angles are of the STEERING WHEEL; yaw rate and curvature are + left, as everywhere.
@@ -41,13 +46,18 @@ SCHEDULE: Floats = np.arange(15.0, 50.1, 5.0)
 #: a22/v is taken at this speed below it, m/s: at standstill a single-track car has no yaw dynamics.
 SLOWEST_YAW_SPEED = 1.0
 
-#: LQR weights of (steering wheel, yaw rate, heading error, lateral error); that of the command is 1.
-#: The last digits are chosen, within what the printed gains leave open, so that every printed digit comes back.
-CONTROL_WEIGHTS: Floats = np.diag([0.0, 0.0, 34.04, 0.27784])
+#: Weights of states and inputs for a design speed in m/s: Q(v_i) and R, or Q_o(v_i) and R_o. The slides let Q and Q_o
+#: differ from speed to speed, and print neither.
+Weights = Callable[[float], tuple[Floats, Floats]]
 
 
-#: Q_o of (delta_L, r, theta_d, y_d, delta_s) and R_o of (r, theta_d, y_d) for a design speed in m/s.
-ObserverWeights = Callable[[float], tuple[Floats, Floats]]
+def control_weights(speed: float) -> tuple[Floats, Floats]:
+    """Return Q of (steering wheel, yaw rate, heading error, lateral error) and R behind the printed k_c.
+
+    The last digits are chosen, within what the printed gains leave open, so that every printed digit comes back. They
+    tell of 25 m/s alone and are taken at every speed; a Q(v_i) of another shape is as good a reading of the slides.
+    """
+    return np.diag([0.0, 0.0, 34.04, 0.27784]), np.eye(1)
 
 
 def printed_weights(speed: float) -> tuple[Floats, Floats]:
@@ -145,15 +155,15 @@ class YinModel:
         return sideslip, steering
 
 
-def control_gains(model: YinModel, speed: float) -> Floats:
+def control_gains(model: YinModel, speed: float, weights: Weights = control_weights) -> Floats:
     """Return k_c of u = -k_c (delta_L, r, theta_d, y_d) at one design speed in m/s, shape (4,)."""
     import control  # here, so that what a policy declares can be read without it
 
-    gains, _, _ = control.lqr(*model.plant(speed), CONTROL_WEIGHTS, np.eye(1))
+    gains, _, _ = control.lqr(*model.plant(speed), *weights(speed))
     return np.asarray(gains, dtype=np.float64)[0]
 
 
-def observer_gains(model: YinModel, speed: float, weights: ObserverWeights) -> Floats:
+def observer_gains(model: YinModel, speed: float, weights: Weights) -> Floats:
     """Return k_o of the observer's correction k_o (y - C_o x) at one design speed in m/s, shape (5, 3)."""
     import control
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.table import Table, weighted_sum
-from lanekeep_baselines.yin_design import OUTPUTS, SCHEDULE, ObserverWeights, YinModel, observer_gains
+from lanekeep_baselines.yin_design import OUTPUTS, SCHEDULE, Weights, YinModel, observer_gains
 
 #: Speeds at which the observer is discretised, m/s; its matrices are interpolated linearly between them,
 SPEEDS: Floats = np.arange(0.0, 60.1, 0.25)
@@ -45,7 +45,7 @@ class Observer:
 
     memory = 8
 
-    def __init__(self, model: YinModel, weights: ObserverWeights, step: float) -> None:
+    def __init__(self, model: YinModel, weights: Weights, step: float) -> None:
         gains = Table(SCHEDULE, np.stack([observer_gains(model, v, weights) for v in SCHEDULE]))(SPEEDS)
         rows = [transition(model, v, k, step).T for v, k in zip(SPEEDS, gains, strict=True)]
         fine = np.arange(0.0, SPEEDS[-1] + RESOLUTION / 2, RESOLUTION)

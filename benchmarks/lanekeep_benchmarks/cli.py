@@ -11,7 +11,6 @@ from typing import Annotated, Any
 
 import typer
 from rich.table import Table
-from rich.text import Text
 
 import lanekeep_env
 from lanekeep_benchmarks.check import commands as check
@@ -32,7 +31,7 @@ from lanekeep_benchmarks.envs_command import envs
 from lanekeep_benchmarks.export_command import export
 from lanekeep_benchmarks.new_command import new
 from lanekeep_benchmarks.play_command import POLICY, play_command
-from lanekeep_benchmarks.replications import WORKS
+from lanekeep_benchmarks.replicate_command import replicate
 from lanekeep_benchmarks.suites import ENDING, SUITES
 from lanekeep_benchmarks.train_command import train
 from lanekeep_benchmarks.warmup_command import warmup
@@ -65,6 +64,7 @@ app.command()(envs)
 app.command()(export)
 app.command(name="play")(play_command)
 app.command()(train)
+app.command()(replicate)
 app.command()(zoo)
 app.command()(warmup)
 app.add_typer(new, name="new")
@@ -171,63 +171,6 @@ def _print_report(summary: dict[str, Any], as_json: bool) -> None:
 def _listed(policies: str | None) -> tuple[str, ...] | None:
     """Split a comma-separated list."""
     return None if policies is None else tuple(name.strip() for name in policies.split(",") if name.strip())
-
-
-@app.command()
-def replicate(
-    work: Annotated[str, typer.Argument(help="; ".join(f"{name}: {what}" for name, (_, what) in WORKS.items()))],
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for tables and figures; default: results/replicate-WORK.")
-    ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a replication in --out.")] = False,
-    as_json: Json = False,
-) -> None:
-    """Drive a published work again: its figures, and its numbers beside those that come out here.
-
-    Example: lanekeep replicate traechtler --out results/van
-    """
-    from lanekeep_benchmarks.replications import NOTE, Replication, steps_of
-    from lanekeep_env.files import write_atomic
-
-    with interruptible(""), input_errors():
-        steps = list(steps_of(work))
-        folder = out or Path("results") / f"replicate-{work}"
-        if folder.exists() and not folder.is_dir():
-            raise ValueError(f"--out {folder} is a file; allowed: a folder, which is made if it is missing")
-        if folder.exists() and any(folder.iterdir()) and not overwrite:
-            raise ValueError(f"--out {folder} is not empty; name another folder, or pass --overwrite")
-        folder.mkdir(parents=True, exist_ok=True)
-        found = Replication(WORKS[work][1])
-        with progress("steps") as bar:
-            task = bar.add_task("driving", total=len(steps))
-            for name, run_step in steps:
-                bar.update(task, description=name)
-                run_step(found)
-                bar.update(task, advance=1)
-        for name, picture in found.pictures.items():
-            write_atomic(folder / name, picture)
-        write_atomic(folder / "replication.json", json.dumps(found.to_dict(), indent=1) + "\n")
-        write_atomic(folder / "replication.md", found.markdown())
-    if as_json:
-        print(json.dumps({"folder": str(folder), **found.to_dict()}))
-        return
-    there = console()
-    table = Table(title=found.title, title_justify="left")
-    for heading in ("quantity", "source", "published", "reproduced", "unit"):
-        table.add_column(heading, justify="right" if heading in ("published", "reproduced") else "left")
-    for row in found.rows:
-        numbers = (f"{number:.{row.digits}f}" for number in (row.published, row.reproduced))
-        table.add_row(row.quantity, row.source, *numbers, row.unit)
-    there.print(table)
-    there.print(NOTE, highlight=False)
-    for further in found.tables:
-        table = Table(title=Text(further.title), title_justify="left")
-        for place, heading in enumerate(further.headings):
-            table.add_column(Text(heading), justify="right" if place else "left")
-        for cells in further.rows:
-            table.add_row(*(Text(cell) for cell in cells))
-        there.print(table)
-    there.print(f"Tables and figures: {folder}", highlight=False, soft_wrap=True)
 
 
 @app.command()

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import gymnasium as gym
 
-from lanekeep_env.envs.road_env import RoadEnv
+from lanekeep_env.envs.road_env import GuidedEnv
 from lanekeep_env.scenario import CameraLaneScenario, TurnOffScenario
 
 
-class CameraLaneEnv(RoadEnv, gym.Env):
+class CameraLaneEnv(GuidedEnv, gym.Env):
     """
     ## Description
 
@@ -79,14 +79,19 @@ class CameraLaneEnv(RoadEnv, gym.Env):
     scenario_class = CameraLaneScenario
 
 
-class TurnOffEnv(RoadEnv, gym.Env):
+class TurnOffEnv(GuidedEnv, gym.Env):
     """
     ## Description
 
     Turn off the road at a junction that shows no edge (Trächtler, Lohmann, Struck 1992, Figure 7): a left curve, a
     straight, a turn by 90 degrees to either side on a centre line of 9.5 to 21.5 m radius, and a straight whose
     edge the camera sees again half-way through the turn. Set speed 2 to 6 m/s, constant. In the turn the van
-    drives blind, by the planned curvature. `road={"kind": "turn-off", "lost": 2.0}` loses the edge for twice as long.
+    drives blind, by the planned curvature. `road={"kind": "turn-off", "lost": 2.0}` loses the edge for twice as long,
+    `"smallest_angle"` and `"largest_angle"` (rad) turn by other angles, and `road="bypass"` is a way round an obstacle,
+    all of it blind.
+
+    `plan_errors={"offset": 1.0, "radius": (-0.1, 0.1), "angle": 0.05, "recognised": 3.0}` gives the plan the errors of
+    a map and of a late look: m, shares of radius and angle, and the way ahead at which a bend comes into the plan.
 
     ## Action Space, Observation Space, Rewards
 

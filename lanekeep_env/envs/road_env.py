@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from lanekeep_env import layout as at
 from lanekeep_env.envs.single import SingleEnv
 from lanekeep_env.envs.skin import Skin
 from lanekeep_env.roads import Road
@@ -39,3 +40,42 @@ class OnRoads(Skin):
 
 class RoadEnv(OnRoads, SingleEnv):
     """One car on a road; subclasses name the task's scenario, and are its page of documentation."""
+
+
+class WithDriver(OnRoads):
+    """What environments with a driver at the wheel share, single or vector."""
+
+    further: ClassVar[tuple[tuple[str, int], ...]] = (
+        ("interventions", at.O_INTERVENTIONS),
+        ("authority", at.O_AUTHORITY),
+        ("assistance", at.O_ASSISTANCE),
+        ("handover_jump", at.O_HANDOVER),
+    )
+
+    @staticmethod
+    def make_cars(*arguments: Any) -> Any:
+        """Return the kernel's arrays; the arguments are those of `Cars`."""
+        from lanekeep_env.families.road.support_cars import SupportCars
+
+        return SupportCars(*arguments)
+
+
+class DriverEnv(WithDriver, SingleEnv):
+    """One car with a driver; subclasses name the task's scenario, and are its page of documentation."""
+
+
+class Guided(OnRoads):
+    """What camera-guided environments share, single or vector."""
+
+    @staticmethod
+    def make_cars(*arguments: Any) -> Any:
+        """Return the kernel's arrays; the arguments are those of `Cars`."""
+        if not arguments[0].told_more:
+            return OnRoads.make_cars(*arguments)
+        from lanekeep_env.families.road.guided_cars import GuidedCars
+
+        return GuidedCars(*arguments)
+
+
+class GuidedEnv(Guided, SingleEnv):
+    """One camera-guided car; subclasses name the task's scenario, and are its page of documentation."""

@@ -12,7 +12,8 @@ class WallFollowEnv(WallEnv, gym.Env):
     """
     ## Description
 
-    Follow the wall on the right at 1 m with a 1:10 car (Team KnightRiders 2017), at a speed of 0.3 to 2 m/s that is
+    Follow the wall on the right at 1 m with a 1:10 car (after Team KnightRiders 2017; the steering limit of 22 deg and
+    the depth camera's 70 deg and 141 beams are assumptions), at a speed of 0.3 to 2 m/s that is
     drawn once an episode, with a steering offset of up to 3 deg that the car does not know. The car sees what its
     sensors tell: ultrasonics to the right, left and front, the yaw rate, the wheels' encoder, and a depth camera if
     asked for.
@@ -37,12 +38,12 @@ class WallFollowEnv(WallEnv, gym.Env):
     | steering_command | rad | the command that last entered the servo |
     | scan_0 ... | m | with `scan=`: ranges of the depth camera from right to left, 0 where a beam shows nothing |
 
-    The side sensors sit on the car's axis half-way between the axles, front sensor and camera at its nose. `sensors`
-    adds noise, bias, rates, latency; `scan` range limits, gaps, wrong values at depth jumps; panels of glass are seen
-    by the ultrasonics and not by the camera. `observation="full"` adds lateral_error, heading_error, clearance and
-    steering_offset. `info` holds the truth: lateral_error (distance of the right wall from the side sensor minus the
-    set one), heading_error, lateral_acceleration, steering_rate, speed, arc_length, cost (contact), is_success,
-    termination, x, y, distance, clearance, lap_time.
+    The side sensors sit on the car's axis half-way between the axles, or `side_sensor` m ahead of the rear one, front
+    sensor and camera at its nose. `sensors` adds noise, bias, rates, latency; `scan` range limits, gaps, wrong values
+    at depth jumps; panels of glass are seen by the ultrasonics and not by the camera. `observation="full"` adds
+    lateral_error, heading_error, clearance and steering_offset. `info` holds the truth: lateral_error (distance of the
+    right wall from the side sensor minus the set one), heading_error, lateral_acceleration, steering_rate, speed,
+    arc_length, cost (contact), is_success, termination, x, y, distance, clearance, lap_time.
 
     ## Rewards
 

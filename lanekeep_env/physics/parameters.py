@@ -202,8 +202,8 @@ VEHICLES: dict[str, VehicleParameters] = {
             width=0.265,
             wheel_radius=0.033,
             source=(
-                "Team KnightRiders 2017: wheelbase 0.35 m, steering 22 deg. The report gives no other number: body, "
-                "wheel, mass and tyres are stated here as those of a 1:10 car with a Kinect"
+                "Team KnightRiders 2017: wheelbase 0.35 m. The report gives no other number: steering limit (22 deg), "
+                "body, wheel, mass and tyres are assumptions, those of a 1:10 car with a Kinect"
             ),
         ),
         VehicleParameters(

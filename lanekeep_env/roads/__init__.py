@@ -25,10 +25,11 @@ from lanekeep_env.roads.speed import (
     set_speeds_from,
     speed_from,
 )
-from lanekeep_env.roads.yards import TurnOffRoads, YardRoads
+from lanekeep_env.roads.yards import BypassRoads, TurnOffRoads, YardRoads
 
 __all__ = [
     "ROADS",
+    "BypassRoads",
     "CircleRoad",
     "ConstantSpeed",
     "EvasiveRoads",

@@ -27,7 +27,7 @@ from lanekeep_env.roads.manoeuvres import EvasiveRoads, ParkingPaths
 from lanekeep_env.roads.readers import TABLES, Choice
 from lanekeep_env.roads.road import Floats, Road
 from lanekeep_env.roads.speed import SpeedSpec
-from lanekeep_env.roads.yards import TurnOffRoads, YardRoads
+from lanekeep_env.roads.yards import BypassRoads, TurnOffRoads, YardRoads
 
 
 @dataclass(frozen=True)
@@ -102,6 +102,7 @@ _RECORDS = (
     RoadWorksRoads,
     YardRoads,
     TurnOffRoads,
+    BypassRoads,
     EvasiveRoads,
     ParkingPaths,
     RoadFile,

@@ -83,13 +83,14 @@ class YardRoads(RoadRecord):
 
 @dataclass(frozen=True)
 class TurnOffRoads(RoadRecord):
-    """A left curve, a straight, a turn by 90 degrees at a junction without edges, a straight (Figure 7 of the source).
+    """A left curve, a straight, a turn at a junction without edges, a straight (Figure 7 of the source).
 
     Trächtler, Lohmann, Struck 1992. Lengths are those of the centre line.
 
     Attributes:
         count: roads in the set.
         smallest_radius, largest_radius: of the turn, m; its inner edge has half a lane less.
+        smallest_angle, largest_angle: by which it turns, rad; 90 degrees in the source.
         side: "right", "left" or "both", where the road turns off to.
         lost: length of the stretch without edges, from the start of the turn, over the length of the turn.
         seed: of the set.
@@ -100,6 +101,8 @@ class TurnOffRoads(RoadRecord):
     count: int = 64
     smallest_radius: float = 9.5
     largest_radius: float = 21.5
+    smallest_angle: float = math.pi / 2
+    largest_angle: float = math.pi / 2
     side: str = "both"
     lost: float = 1.0
     seed: int = 0
@@ -108,6 +111,8 @@ class TurnOffRoads(RoadRecord):
         require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
         require("road.smallest_radius", self.smallest_radius, "m", at_least=1e-2)
         require("road.largest_radius", self.largest_radius, "m", at_least=self.smallest_radius, at_most=1e6)
+        require("road.smallest_angle", self.smallest_angle, "rad", at_least=1e-3)
+        require("road.largest_angle", self.largest_angle, "rad", at_least=self.smallest_angle, at_most=math.pi)
         choose("road.side", self.side, ("right", "left", "both"))
         require("road.lost", self.lost, "(of the turn's length)", at_least=0.0, at_most=10.0)
         require("road.seed", self.seed, "", at_least=0, whole=True)
@@ -115,16 +120,70 @@ class TurnOffRoads(RoadRecord):
 
     def build(self) -> tuple[Road, ...]:
         """``count`` roads."""
-        rng = np.random.default_rng([self.seed, 0x70FF])
-        return tuple(self._one(k, rng) for k in range(self.count))
+        rng, angles = (np.random.default_rng([self.seed, salt]) for salt in (0x70FF, 0xA261))
+        return tuple(
+            self._one(k, rng, float(angles.uniform(self.smallest_angle, self.largest_angle))) for k in range(self.count)
+        )
 
-    def _one(self, number: int, rng: np.random.Generator) -> Road:
+    def _one(self, number: int, rng: np.random.Generator, angle: float) -> Road:
         first, curve_radius, curve_turn, between = rng.uniform([12.0, 20.0, 0.4, 22.0], [20.0, 40.0, 0.8, 28.0])
         radius = rng.uniform(self.smallest_radius, self.largest_radius)
         left = rng.random() < 0.5 if self.side == "both" else self.side == "left"
-        turn = radius * math.pi / 2
+        turn = radius * angle
         lengths = np.array([first, curve_radius * curve_turn, between, turn, 100.0])
         curvature = np.array([0.0, 1.0 / curve_radius, 0.0, (1.0 if left else -1.0) / radius, 0.0])
         begin = float(lengths[:3].sum())
         road = Road(f"turn-off-{self.seed}-{number}", lengths, curvature, curvature)
         return road.without_marking([[begin, begin + self.lost * turn]]) if self.lost > 0.0 else road
+
+
+@dataclass(frozen=True)
+class BypassRoads(RoadRecord):
+    """A straight, a way round an obstacle to the left without edges, a straight (a blind drive that the source names).
+
+    Trächtler, Lohmann, Struck 1992, section 4. The way swings out by ``shift`` in two arcs, goes straight beside the
+    obstacle and swings back in two arcs. Where in the lane the obstacle stands is no part of the road: the way is.
+
+    Attributes:
+        count: roads in the set.
+        smallest_radius, largest_radius: of the arcs, m.
+        smallest_shift, largest_shift: to the left, m.
+        beside: length of the straight beside the obstacle, m.
+        seed: of the set.
+    """
+
+    kind: ClassVar[str] = "bypass"
+    from_start: ClassVar[bool] = True
+    count: int = 64
+    smallest_radius: float = 20.0
+    largest_radius: float = 40.0
+    smallest_shift: float = 1.5
+    largest_shift: float = 3.0
+    beside: float = 5.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
+        require("road.smallest_shift", self.smallest_shift, "m", at_least=1e-2)
+        require("road.largest_shift", self.largest_shift, "m", at_least=self.smallest_shift, at_most=1e3)
+        # Two arcs swing out by twice their radius at the most.
+        require("road.smallest_radius", self.smallest_radius, "m", at_least=0.5 * self.largest_shift)
+        require("road.largest_radius", self.largest_radius, "m", at_least=self.smallest_radius, at_most=1e6)
+        require("road.beside", self.beside, "m", at_least=1e-2, at_most=1e6)
+        require("road.seed", self.seed, "", at_least=0, whole=True)
+        super().__post_init__()
+
+    def build(self) -> tuple[Road, ...]:
+        """``count`` roads."""
+        rng = np.random.default_rng([self.seed, 0xB1FA])
+        return tuple(self._one(k, rng) for k in range(self.count))
+
+    def _one(self, number: int, rng: np.random.Generator) -> Road:
+        before, radius, shift = rng.uniform(
+            [25.0, self.smallest_radius, self.smallest_shift], [35.0, self.largest_radius, self.largest_shift]
+        )
+        arc = radius * math.acos(1.0 - 0.5 * shift / radius)
+        lengths = np.array([before, arc, arc, self.beside, arc, arc, 100.0])
+        curvature = np.array([0.0, 1.0, -1.0, 0.0, -1.0, 1.0, 0.0]) / radius
+        road = Road(f"bypass-{self.seed}-{number}", lengths, curvature, curvature)
+        return road.without_marking([[before, float(lengths[:6].sum())]])

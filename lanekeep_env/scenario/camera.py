@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+import numpy as np
+
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
 from lanekeep_env.physics import models
@@ -14,6 +16,7 @@ from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads import RoadSpec, SetSpeeds, TurnOffRoads, YardRoads, set_speeds_from
 from lanekeep_env.scenario.base import Channel, Measured, steering_channels
 from lanekeep_env.scenario.effects import Need
+from lanekeep_env.scenario.guidance import PlanErrors, SetPoints, guidance_numbers, plan_errors_from, set_points_from
 from lanekeep_env.scenario.road import RoadScenario
 from lanekeep_env.sensing.faults import CAMERA_SENSOR_SETS, SensorSets
 
@@ -65,6 +68,10 @@ class CameraLaneScenario(RoadScenario):
         camera: a mapping of `Camera`.
         plan: number of samples of the planned curvature in the observation, the first one at the rear axle.
         plan_spacing: distance between them, m.
+        plan_errors: a mapping of `PlanErrors`: where, how sharp and how long the plan has bends, and how late.
+        set_points: distance that the edge is to be kept at: None for half the lane's width, a number (m), or a mapping
+            of `SetPoints` that change in time. The channel set_distance then tells it, and the running cost counts
+            from it; lateral_error stays that of the lane's centre.
 
     Errors are the rear axle's. The road's edges are half of ``lane_width`` from its centre line, so that is
     the distance which the camera shows on a straight.
@@ -85,12 +92,16 @@ class CameraLaneScenario(RoadScenario):
     camera: Camera = field(default_factory=Camera)
     plan: int = 20
     plan_spacing: float = 0.5
+    plan_errors: PlanErrors = field(default_factory=PlanErrors)
+    set_points: SetPoints | None = None
 
     _sensor_sets: ClassVar[SensorSets] = CAMERA_SENSOR_SETS
     _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
         **RoadScenario._readers,
         "speed": set_speeds_from,
         "camera": camera_from,
+        "plan_errors": plan_errors_from,
+        "set_points": set_points_from,
     }
     _needs: ClassVar[tuple[Need, ...]] = (
         *RoadScenario._needs,
@@ -100,6 +111,7 @@ class CameraLaneScenario(RoadScenario):
             "it takes two samples, plan >= 2, the first one is at the rear axle",
             lambda s: s.plan >= 2,
         ),
+        Need("plan_errors", "errors of the plan", "plan=0 is no plan", lambda s: s.plan >= 1),
     )
     preview_channel: ClassVar[str] = "planned_curvature_0"
     view: ClassVar[float] = 40.0
@@ -108,6 +120,14 @@ class CameraLaneScenario(RoadScenario):
         require("plan", self.plan, "samples", at_least=0, at_most=1000, whole=True)
         require("plan_spacing", self.plan_spacing, "m", at_least=1e-3, at_most=1e3)
         super()._check()
+        if self.set_points is not None:
+            require("set_points.maximum", self.set_points.maximum, "m (the lane's width)", at_most=self.lane_width)
+            hold = self.set_points.hold
+            if hold is not None and abs(hold / self.control_step - round(hold / self.control_step)) > 1e-6:
+                raise ValueError(
+                    f"set_points.hold={hold!r} is not allowed: it must be a multiple of the control step, "
+                    f"{self.control_step} s"
+                )
 
     @property
     def model(self) -> models.CarModel:
@@ -129,6 +149,16 @@ class CameraLaneScenario(RoadScenario):
         return self.lane_width / 2
 
     @property
+    def told_more(self) -> bool:
+        """Whether set points or errors of the plan take a kernel of their own."""
+        return self.set_points is not None or not self.plan_errors.none
+
+    def guidance_numbers(self) -> np.ndarray:
+        """Numbers of set points and errors, (`layout.GUIDANCE_SIZE`,)."""
+        points = self.set_points or SetPoints(self.set_distance, self.set_distance, None)
+        return guidance_numbers(self.plan_errors, points, self.camera.edge == "right", self.control_step)
+
+    @property
     def reach(self) -> float:
         """Distance of the camera's look-ahead point from the rear axle, l + f, m."""
         return self.vehicle.wheelbase + self.camera.look_ahead
@@ -143,6 +173,8 @@ class CameraLaneScenario(RoadScenario):
             Channel("speed", "m/s", 0.0, 100.0, "of the front wheels", at.SPEED, Measured()),
             *steering_channels(),
         ]
+        if self.set_points is not None:
+            channels.append(Channel("set_distance", "m", 0.0, 100.0, "that the edge is to be kept at", at.SET_POINT))
         for k in range(self.plan):
             where = f"{k * self.plan_spacing:g} m ahead of the rear axle" if k else "at the rear axle"
             channels.append(Channel(f"planned_curvature_{k}", "1/m", -1.0, 1.0, f"of the road {where}, left positive"))

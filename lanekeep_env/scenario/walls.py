@@ -52,6 +52,8 @@ class WallFollowScenario(CarScenario):
             or one number.
         servo: a mapping of `Servo`, or None.
         set_distance: of the side sensor from the wall on the right, m.
+        side_sensor: place of the ultrasonics to both sides ahead of the rear axle, m (l_H of the source: 0.175 in its
+            first listings, 0.14 in those of the cascade); None for half the wheelbase.
         start_lateral_error: the start is drawn within this of ``set_distance``, m.
         start_heading_error: and within this angle of the centre line's direction, rad.
         contact: "terminate" ends the episode, "cost" goes on and charges, "off" ignores contacts.
@@ -77,6 +79,7 @@ class WallFollowScenario(CarScenario):
     steering_offset: tuple[float, float] = (-math.radians(3.0), math.radians(3.0))
     servo: Servo = field(default_factory=Servo)
     set_distance: float = 1.0
+    side_sensor: float | None = None
     start_lateral_error: float = 0.3
     start_heading_error: float = math.radians(20.0)
     contact: str = "terminate"
@@ -115,6 +118,7 @@ class WallFollowScenario(CarScenario):
         super()._check()
         self._check_angles()
         require("set_distance", self.set_distance, "m", above=0.0, at_most=FARTHEST)
+        require("side_sensor", self.side_sensor, "m", at_least=-1.0, at_most=5.0, optional=True)
         require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=1e3)
         require("start_heading_error", self.start_heading_error, "rad", at_least=0.0, at_most=math.pi)
         choose("contact", self.contact, DEPARTURES)
@@ -186,6 +190,11 @@ class WallFollowScenario(CarScenario):
         """Speed that action 1 asks for, m/s; 0 where speed is no action."""
         return 0.0
 
+    @property
+    def side_sensor_place(self) -> float:
+        """Place of the ultrasonics to both sides ahead of the rear axle, m."""
+        return 0.5 * self.vehicle.wheelbase if self.side_sensor is None else self.side_sensor
+
     def _channels(self) -> list[Channel]:
         channels = [
             Channel(
@@ -236,7 +245,7 @@ class WallFollowScenario(CarScenario):
             at.TICK: 2.0 * math.pi * car.wheel_radius / self.encoder_ticks if self.encoder_ticks else 0.0,
             at.SIGNLESS: not self.encoder_direction,
             at.OFFSET_LOW: self.steering_offset,
-            at.SIDE_ARM: 0.5 * car.wheelbase - rear,  # half the wheelbase ahead of the rear axle
+            at.SIDE_ARM: self.side_sensor_place - rear,
             at.BODY_MIDDLE: (ahead, 0.5 * car.length, 0.5 * car.width),
             at.FRONT_ARM: ahead + 0.5 * car.length,
             at.FIRST_PREVIEW: self.column("scan_0"),
@@ -282,6 +291,7 @@ class CircuitScenario(WallFollowScenario):
     _needs: ClassVar[tuple[Need, ...]] = (
         Need("speed", "set speeds", "the second action asks for the speed, up to max_speed", never),
         Need("set_distance", "from the wall on the right", "the car follows no wall here", never),
+        Need("side_sensor", "place of the side ultrasonics", "on circuits they sit half-way between the axles", never),
         *(
             Need(name, "of the running cost", "time is what costs here", never)
             for name in ("reference_lateral_error", "cost_weight", "reference_steering_rate", "cost_cap")
@@ -336,6 +346,11 @@ class CircuitScenario(WallFollowScenario):
     def sets_speed(self) -> bool:
         """The second action does."""
         return False
+
+    @property
+    def side_sensor_place(self) -> float:
+        """Half-way between the axles, m ahead of the rear one."""
+        return 0.5 * self.vehicle.wheelbase
 
     @property
     def reverses(self) -> bool:

@@ -23,6 +23,7 @@ from lanekeep_env.scenario import (
     DriveScenario,
     EvasiveScenario,
     LaneKeepScenario,
+    LaneSupportScenario,
     ObstacleCircuitScenario,
     ParallelParkScenario,
     ReversePathScenario,
@@ -99,7 +100,9 @@ LATE = CameraLaneScenario(sensors={"edge_distance": {"period": 0.08}})
 EVERY = (LaneKeepScenario(preview=11), LATE, WALLS, CircuitScenario(), EvasiveScenario(), ReversePathScenario())
 COURSES = (ObstacleCircuitScenario(), ParallelParkScenario(observation="full"))
 SCENARIOS = {
-    n: scenario for scenario in (*EVERY, *COURSES, DriveScenario()) for n in lanekeep_baselines.names(scenario)
+    n: scenario
+    for scenario in (*EVERY, *COURSES, DriveScenario(), LaneSupportScenario())
+    for n in lanekeep_baselines.names(scenario)
 }
 #: Fields that every policy may read.
 BASE = {name for name, member in vars(Scenario).items() if isinstance(member, property)}
@@ -175,6 +178,7 @@ print(json.dumps([found, sorted({{"control", "scipy.linalg"}} & set(sys.modules)
 """
 TOLD = [
     ("LaneKeepScenario", {"preview": 11}),
+    ("LaneSupportScenario", {}),
     ("CameraLaneScenario", {}),
     ("WallFollowScenario", {"observation": "full"}),
     ("CircuitScenario", {}),
@@ -205,7 +209,7 @@ def test_without_packages_the_rest_can_be_designed() -> None:
     block = "sys.modules.update(control=None, scipy=None)"
     found, _ = told(block, "[lanekeep_baselines.make(name, one) for name in found[record]]")
     missing = set(lanekeep_baselines.names()) - {name for names in found.values() for name in names}
-    assert missing == {name for name in lanekeep_baselines.names() if name.startswith(("yin", "lq"))}
+    assert missing == {name for name in lanekeep_baselines.names() if name.startswith(("yin", "lq", "lane"))}
 
 
 def table() -> str:

@@ -160,8 +160,9 @@ def test_copies_and_pickles(name: str) -> None:
 
 
 def test_every_policy_has_its_scenario() -> None:
-    """Those of walls and of manoeuvres are held to the same promises in `test_knightriders` and `test_werling`."""
-    elsewhere = {name for name in lanekeep_baselines.names() if name.startswith(("knightriders", "werling"))}
+    """Others are held to the same promises in `test_knightriders`, `test_werling` and `test_lane_support`."""
+    others = "knightriders", "werling", "lane-support"
+    elsewhere = {name for name in lanekeep_baselines.names() if name.startswith(others)}
     assert set(SCENARIOS) == set(lanekeep_baselines.names()) - elsewhere
     assert not set(lanekeep_baselines.names(SCENARIO)) & set(lanekeep_baselines.names(CAMERA))
 

@@ -125,3 +125,16 @@ def test_scenario_a_ends_with_no_remaining_error(bench, name: str) -> None:
     states = bench.drive(lanekeep_baselines.make(name, scenario), scenario, car, lambda t: np.zeros(1), 40.0, start=1.5)
     assert np.abs(states[-100:, 0, 3:]).max() < 1e-3
     assert states[:, 0, 4].min() > -0.5  # and it hardly swings over on the way
+
+
+def test_weights_of_every_design_speed_are_those_that_are_asked_for() -> None:
+    """Q(v_i), as the slides have it: ten times the weight of y_d is the gain's root of ten on y_d."""
+
+    def heavier(speed: float) -> tuple[np.ndarray, np.ndarray]:
+        return np.diag([0.0, 0.0, 34.04, 0.27784 * speed]), np.eye(1)
+
+    model = YinModel.of(VEHICLES["yin"])
+    for speed in (15.0, 25.0, 50.0):
+        # The last entry of k_c's Riccati equation: k_4² = q_4.
+        assert control_gains(model, speed, heavier)[3] == pytest.approx(-np.sqrt(0.27784 * speed), rel=1e-6)
+        assert control_gains(model, speed)[3] == pytest.approx(-np.sqrt(0.27784), rel=1e-6)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import control
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.signal import cont2discrete
 
 from lanekeep_baselines.wall_cascade import (
     LARGEST_HEADING,
     MODULUS_MARGIN,
+    REAR_AXLE_POLE,
     STEERING_LIMIT,
     delayed_rate_locus,
     heading_locus,
@@ -23,11 +26,13 @@ from lanekeep_baselines.wall_design import (
     PD_SENSOR,
     PD_SPEED,
     WallCar,
+    bounded_pi_design,
     closed_poles,
     misprinted_pd_design,
     pd_design,
     pd_locus,
     pi_design,
+    pi_poles,
     state_gains,
     state_plant,
 )
@@ -80,6 +85,33 @@ def test_two_branches_of_the_pi_locus_meet_at_the_breakaway_point(speed: float) 
     # A double pole moves by the root of an error: 1e-7 for rounding's 1e-15.
     np.testing.assert_allclose(sorted(abs(closed_poles(loop, gain) - point))[:2], 0.0, atol=1e-5)
     assert np.all(abs(closed_poles(loop, float(design.loop_gain)).imag) < 1e-9)
+
+
+@pytest.mark.parametrize(
+    "car", [CAR, WallCar(0.258, 0.129), WallCar(sensor=0.14)], ids=["knightriders", "pses", "0.14"]
+)
+@given(speed=st.floats(0.2, 3.0))
+def test_no_pole_of_the_bounded_pi_is_left_of_zero_at_any_speed(car: WallCar, speed: float) -> None:
+    """Poles of the loop that python-control closes, not those that the design names."""
+    design = bounded_pi_design(car, speed)
+    loop = control.zpk([float(design.zero)], [1.0], float(design.gain), car.step) * car.transfer(speed)
+    poles = control.feedback(loop, 1).poles()
+    assert len(poles) == 3 and poles.real.min() > 0.09 and abs(poles).max() < 1.0
+    np.testing.assert_allclose(np.sort(pi_poles(car, speed, design)), np.sort(poles), atol=1e-6)
+
+
+def test_the_published_pi_breaks_the_reports_rule_and_is_unstable() -> None:
+    pses = WallCar(0.258, 0.129)
+    assert pi_poles(CAR, 1.2, pi_design(CAR, 1.2)).real.min() < 0.0
+    assert abs(pi_poles(pses, 2.0, pi_design(pses, 2.0))).max() == pytest.approx(1.0023, abs=1e-4)
+
+
+def test_up_to_where_it_keeps_the_rule_the_bounded_pi_is_the_published_one() -> None:
+    speeds = np.array([0.2, 0.4, 0.7, 1.0])
+    for bounded, published in zip(
+        vars(bounded_pi_design(CAR, speeds)).values(), vars(pi_design(CAR, speeds)).values(), strict=True
+    ):
+        np.testing.assert_array_equal(bounded, published)
 
 
 # --- second approach: state feedback by Ackermann
@@ -140,6 +172,14 @@ def test_with_one_sample_of_delay_the_published_inner_loop_is_unstable() -> None
     assert abs(closed_poles(delayed_rate_locus(1.001 * limit, 0.1, CAR.step))).max() > 1.0
 
 
+def test_the_listings_second_inner_pole_does_not_chatter() -> None:
+    """A.9's new value 2/3: |2/3 - 1|/|2/3 - 0.1|; z² - (1 - K) z - 0.1 K with one sample of delay."""
+    gain = published_rate_loop_gain(REAR_AXLE_POLE)
+    assert gain == pytest.approx(10.0 / 17.0)
+    np.testing.assert_allclose(closed_poles(control.zpk([0.1], [1.0], gain, CAR.step)), [2.0 / 3.0], atol=1e-12)
+    np.testing.assert_allclose(closed_poles(delayed_rate_locus(gain, 0.1, CAR.step)), [0.524, -0.112], atol=5e-4)
+
+
 def test_rules_of_the_redesign() -> None:
     rate, heading, distance = redesigned_loop_gains()
     inner = delayed_rate_locus(rate, 0.0, CAR.step)
@@ -196,6 +236,7 @@ def controls() -> list[WallControl]:
     limit = STEERING_LIMIT
     return [
         Pi(CAR, limit),
+        Pi(CAR, limit, bounded=True),
         PiState(CAR, limit),
         PublishedCascade(CAR, limit, 2.0),
         PublishedCascade(CAR, limit, 2.0, delayed=True),
@@ -204,7 +245,7 @@ def controls() -> list[WallControl]:
     ]
 
 
-@pytest.mark.parametrize("which", range(6))
+@pytest.mark.parametrize("which", range(7))
 def test_rows_of_controllers_are_independent_and_nothing_is_mutated(which: int) -> None:
     rng, rows = np.random.default_rng(2), 37
     at = Measured(rng.uniform(0.3, 2.0, rows), *rng.uniform(-0.5, 1.0, (3, rows)))

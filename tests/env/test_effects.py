@@ -14,6 +14,7 @@ import lanekeep_env
 from lanekeep_env.roads import LimitedSpeed
 from lanekeep_env.scenario.applying import sets_table
 from lanekeep_env.scenario.base import ScenarioRecord
+from lanekeep_env.scenario.guidance import PlanErrors
 
 _SPEC = spec_from_file_location("registry_options", Path(__file__).with_name("test_registry.py"))
 registry = module_from_spec(_SPEC)
@@ -25,6 +26,7 @@ CONSTANT = {"minimum": 2.0, "maximum": 2.0, "standstill": 0.0, "lateral_accelera
 ROAD = [{"dynamics": "kinematic"}, {"preview": 1}, {"action": "steering_rate"}, {"cost_weight": 0.0}]
 CAMERA = [
     {"plan": 1},
+    {"plan": 0},
     {"speed": CONSTANT},
     {"cost_weight": 0.0},
     {"vehicle": {"base": "van", "steering": {"lag": 0.0, "rate_limit": None, "angle_limit": None, "backlash": 0.0}}},
@@ -33,6 +35,7 @@ WALLS = [{"dynamics": "dynamic"}, {"scan": "perfect"}, {"action": "steering_rate
 SCENARIOS = {
     "LaneKeep": [*ROAD, {"tyre": "magic_formula"}],
     "RoadWorks": [ROAD[0], {"speed": {"lateral_acceleration": 0.5}}],
+    "LaneSupport": [ROAD[0], {"driver": "attentive"}, {"driver": {"wander": 0.0}}],
     "Evasive": [ROAD[0], {"tyre": "linear"}],
     "CameraLane": CAMERA,
     "TurnOff": [{"speed": {**CONSTANT, "hold": None}}],
@@ -45,6 +48,8 @@ SCENARIOS = {
 }
 #: Values of fields within records, where a third more of the default would not do.
 INNER = {
+    "plan_errors": lambda scenario: PlanErrors(offset=1.0),
+    "side_sensor": lambda scenario: 0.14,
     "speed.hold": lambda scenario: 10 * scenario.control_step,
     "speed.lateral_acceleration": lambda scenario: 0.2,
     "speed.standstill": lambda scenario: 0.4,

@@ -16,13 +16,15 @@ from numba.core.dispatcher import Dispatcher
 import lanekeep_env
 from lanekeep_env.compile import inline, kernel
 from lanekeep_env.engine.step import reset_kernel, step_kernels
+from lanekeep_env.families.road.guided import GUIDED
 from lanekeep_env.families.road.kernel import ON_ROADS
+from lanekeep_env.families.road.support import WITH_DRIVER
 from lanekeep_env.families.wall.course import ON_COURSES
 from lanekeep_env.families.wall.kernel import BETWEEN_WALLS
 from lanekeep_env.fingerprint import COMPILED_WITH, fingerprint
 from lanekeep_env.kernel_cache import KernelCache
 from lanekeep_env.physics import models, numeric
-from lanekeep_env.physics.integrate import DRIVEN, PACED
+from lanekeep_env.physics.integrate import DRIVEN, PACED, PROFILE
 
 PACKAGE = Path(lanekeep_env.__file__).parent
 DECORATORS = {"inline", "helper", "kernel"}
@@ -53,7 +55,9 @@ KERNELS += [
     made for model in MODELS if model.pace == PACED for n in (1, 2) for made in step_kernels(model, BETWEEN_WALLS, n)
 ]
 KERNELS += [made for model in MODELS if model.pace == PACED for made in step_kernels(model, ON_COURSES, 2)]
-KERNELS += [reset_kernel(family) for family in (ON_ROADS, BETWEEN_WALLS, ON_COURSES)]
+KERNELS += [made for model in MODELS if model.pace == PROFILE for made in step_kernels(model, WITH_DRIVER, 2)]
+KERNELS += step_kernels(models.FRONT_DRIVEN, GUIDED, 1)
+KERNELS += [reset_kernel(family) for family in (ON_ROADS, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)]
 
 
 def fingerprints():
@@ -164,7 +168,9 @@ PRINT = """
 import sys
 import lanekeep_env.walls.raycast
 from lanekeep_env.engine.step import reset_kernel, step_kernels
+from lanekeep_env.families.road.guided import GUIDED
 from lanekeep_env.families.road.kernel import ON_ROADS
+from lanekeep_env.families.road.support import WITH_DRIVER
 from lanekeep_env.families.wall.course import ON_COURSES
 from lanekeep_env.families.wall.kernel import BETWEEN_WALLS
 from lanekeep_env.fingerprint import fingerprint
@@ -180,9 +186,13 @@ for model in [model for model in vars(models).values() if isinstance(model, mode
     if model.pace == models.PACED:
         made += [*step_kernels(model, BETWEEN_WALLS, 1), *step_kernels(model, BETWEEN_WALLS, 2)]
         made += step_kernels(model, ON_COURSES, 2)
+    if model.pace == models.PROFILE:
+        made += step_kernels(model, WITH_DRIVER, 2)
+    if model is models.FRONT_DRIVEN:
+        made += step_kernels(model, GUIDED, 1)
     for value in made:
         print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
-for value in (reset_kernel(ON_ROADS), reset_kernel(BETWEEN_WALLS), reset_kernel(ON_COURSES)):
+for value in map(reset_kernel, (ON_ROADS, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)):
     print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
 """
 

@@ -25,6 +25,7 @@ from lanekeep_env.scenario import (
     DriveScenario,
     EvasiveScenario,
     LaneKeepScenario,
+    LaneSupportScenario,
     ObstacleCircuitScenario,
     ParallelParkScenario,
     ReversePathScenario,
@@ -67,7 +68,12 @@ BY_CAMERA = {
     },
     **{key: ON_A_ROAD[key] for key in ("cost_weight", "cost_cap", "max_steering_angle", "max_steering_rate")},
     "vehicle": ["yin", {"base": "van", "steering": {"lag": 0.1, "delay": 0.05, "backlash": 0.1, "feedback": "motor"}}],
-    "road": [{"kind": "circle", "radius": -12.0}, {"kind": "turn-off", "lost": 2.0}, {"kind": "yard", "count": 8}],
+    "road": [
+        {"kind": "circle", "radius": -12.0},
+        {"kind": "turn-off", "lost": 2.0},
+        "bypass",
+        {"kind": "yard", "count": 8},
+    ],
     "speed": [4.0, {"minimum": 1.0, "hold": 2.0, "standstill": 0.3, "lateral_acceleration": 1.5}],
     "start_lateral_error": [0.2],
     "start_course_error": [0.1],
@@ -79,6 +85,8 @@ BY_CAMERA = {
     "camera": [{"edge": "left"}, {"look_ahead": 2.0, "field_of_view": 1.2}],
     "plan": [4],
     "plan_spacing": [0.7],
+    "plan_errors": [{"offset": 0.5, "radius": (-0.1, 0.1)}, {"angle": -0.05, "recognised": (2.0, 5.0)}],
+    "set_points": [1.2, {"minimum": 1.0, "maximum": 2.0, "hold": 2.0}],
 }
 BETWEEN_WALLS = {
     **{key: ON_A_ROAD[key] for key in ("action", "observation", "randomisation", "dtype", "episode_steps")},
@@ -98,6 +106,7 @@ BETWEEN_WALLS = {
     "steering_offset": [0.02, (-0.1, 0.03)],
     "servo": [{"left": 0.35, "right": 0.3, "ticks": 50}, {"angles": (-0.35, -0.2, 0.03, 0.1, 0.3)}],
     "set_distance": [0.7],
+    "side_sensor": [0.14],
     "start_lateral_error": [0.05],
     "start_heading_error": [0.2],
     "contact": ["cost", "off"],
@@ -118,6 +127,17 @@ EVASIVE = {
     "reference_steering_rate": [0.2],
     "observation": ["measured"],
     "episode_steps": [200],
+}
+SUPPORTING = {
+    **ON_A_ROAD,
+    **{key: [] for key in ("action", "max_steering_rate", "reference_lateral_error", "reference_steering_rate")},
+    "road": ["yin", {"kind": "circle", "radius": 400.0}],
+    "speed": [25.0, {"lateral_acceleration": 1.5, "maximum": 30.0}],
+    "lane_width": [3.5],
+    "preview": [3],
+    "episode_steps": [300],
+    "driver": ["attentive", {"lapse_rate": 0.2, "longest_lapse": 2.0}],
+    "reference_assistance": [0.05],
 }
 BACKING_UP = {
     **{key: value for key, value in EVASIVE.items() if key not in ("dynamics", "tyre", "friction")},
@@ -149,8 +169,8 @@ DRIVING = {
 }
 IN_A_CIRCUIT = {
     **BETWEEN_WALLS,
-    **{key: [] for key in ("speed", "set_distance", "reference_lateral_error", "cost_weight")},  # have no effect
-    **{key: [] for key in ("reference_steering_rate", "cost_cap")},
+    **{key: [] for key in ("speed", "set_distance", "side_sensor", "reference_lateral_error")},  # have no effect
+    **{key: [] for key in ("cost_weight", "reference_steering_rate", "cost_cap")},
     "max_speed": [1.0],
     "max_acceleration": [1.0],
     "laps": [2],
@@ -182,6 +202,7 @@ INTO_A_SPACE = {
 FOLLOWING = {**BETWEEN_WALLS, "encoder_direction": []}  # nothing else has an effect
 #: Every option of a scenario, and of those that have only other defaults, with values beside its default.
 TABLES = {
+    LaneSupportScenario: SUPPORTING,
     LaneKeepScenario: ON_A_ROAD,
     CameraLaneScenario: BY_CAMERA,
     WallFollowScenario: FOLLOWING,

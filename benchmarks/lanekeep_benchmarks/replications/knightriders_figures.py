@@ -67,7 +67,7 @@ def responses(found: Replication) -> None:
                 for above, below, what, limited in columns
             ],
         )
-    for quantity, number, published, reproduced in (
+    for quantity, number, checked, reproduced in (
         ("peak of the PI", "3.9", 2.11, runs["3.9"].distance.max()),
         ("peak of the PI state feedback", "3.10", 1.44, runs["3.10"].distance.max()),
         ("lowest after it", "3.10", 0.62, lowest_after_peak(runs["3.10"])),
@@ -75,7 +75,7 @@ def responses(found: Replication) -> None:
         ("lowest after it", "3.35", 0.92, lowest_after_peak(runs["3.35"])),
     ):
         source = f"Figure {number}, checked"
-        found.rows.append(Row(f"{quantity}, mixed units", source, published, float(reproduced), "m", 2))
+        found.rows.append(Row(f"{quantity}, mixed units", source, checked, float(reproduced), "m", 2))
     statements(found, runs)
 
 

@@ -10,6 +10,7 @@ from lanekeep_baselines.wall_cascade import (
     DISTANCE_GAIN_SPEED,
     HEADING_LOOP_GAIN,
     RATE_ZERO,
+    REAR_AXLE_POLE,
     delayed_rate_locus,
     heading_locus,
     published_rate_loop_gain,
@@ -37,7 +38,8 @@ def root_loci(found: Replication) -> None:
     step, speed = CAR.step, STARTS[0][2]
     design, n3 = pi_design(CAR, speed), float(CAR.zero(speed))
     n2, beside, rate = float(design.zero), (1.0 - float(CAR.zero(speed))) / 2.0, published_rate_loop_gain()
-    # The closed heading loop (21); the distance at the sensor (22) and at the rear axle.
+    # The closed heading loop (21); the distance at the sensor, (22) with its zero
+    # as it must be, (l_H - v T/2)/(l_H + v T/2), and at the rear axle.
     heading = control.minreal(control.feedback(HEADING_LOOP_GAIN * heading_locus(step), 1), verbose=False)
     way = LISTED_SPEED * step
     arm = LISTED_CAR.sensor + way / 2.0
@@ -69,6 +71,7 @@ def root_loci(found: Replication) -> None:
         ],
     )
     rate_gain, heading_gain, distance_gain = redesigned_loop_gains()
+    again = published_rate_loop_gain(REAR_AXLE_POLE)
     middle = control.zpk([0.0], [1.0, 1.0 - rate_gain], rate_gain, step)
     outer = control.minreal(control.feedback(heading_gain * middle, 1), verbose=False)
     outer = outer * control.zpk([-1.0], [1.0], 0.5, step)
@@ -76,6 +79,11 @@ def root_loci(found: Replication) -> None:
         "With the yaw rate one sample late: the published inner loop, and the redesign",
         [
             Locus("yaw rate as published", delayed_rate_locus(1.0, RATE_ZERO, step), {f"K = {rate:.0f}": rate}),
+            Locus(
+                "yaw rate, A.9's second value 2/3",
+                delayed_rate_locus(1.0, RATE_ZERO, step),
+                {f"K = {again:.3f}": again},
+            ),
             Locus("yaw rate, zero at 0", delayed_rate_locus(1.0, 0.0, step), {f"K = {rate_gain:g}": rate_gain}),
             Locus("heading", middle, {f"k₁ = {heading_gain:.3f}": heading_gain}),
             Locus("distance", outer, {f"k₂ v T = {distance_gain:.3f}": distance_gain}),

@@ -159,3 +159,17 @@ def comparison(panels: Sequence[tuple[str, Mapping[str, Mapping[str, Run]]]], ca
         axes.set_xlabel("time [s]")
     figure.suptitle("Distance of the sensor from the wall (shaded: behind it), steering limited to 22°", fontsize=11)
     return png(figure)
+
+
+def steps(responses: Mapping[str, tuple[NDArray[Any], NDArray[Any]]]) -> bytes:
+    """Step responses side by side, held between samples."""
+    figure = Figure(figsize=(4.2 * len(responses), 3.6), layout="constrained")
+    panels = figure.subplots(1, len(responses), squeeze=False)[0]
+    for place, (axes, (title, (time, out))) in enumerate(zip(panels, responses.items(), strict=True)):
+        axes.axhline(1.0, color="#808080", linewidth=1.0, linestyle="--")
+        axes.step(time, out, where="post", color=colour_of(place), linewidth=1.4)
+        axes.set_title(title, fontsize=10)
+        axes.set_xlabel("time [s]")
+        axes.grid(**GRID)
+    figure.suptitle("Step responses: why no pole is to lie left of zero", fontsize=11)
+    return png(figure)

@@ -15,7 +15,9 @@ import lanekeep_env  # noqa: F401
 from lanekeep_baselines.traechtler_model import CameraModel
 from lanekeep_benchmarks.replications import traechtler_plots as plots
 from lanekeep_benchmarks.replications.record import Replication, Row, Table
-from lanekeep_benchmarks.replications.van import NO_BACKLASH, Drive, drive, simulate
+from lanekeep_benchmarks.replications.traechtler_model import derivative_part, figure_2, figure_3, set_points
+from lanekeep_benchmarks.replications.traechtler_turns import angles, plan_errors
+from lanekeep_benchmarks.replications.van import NO_BACKLASH, Drive, Floats, drive, simulate
 
 EDGE_RADII = (8.0, 10.0, 12.0, 20.0)
 SPEEDS = (2.0, 4.0, 6.0)
@@ -40,33 +42,57 @@ def actuator(found: Replication) -> None:
     found.rows.append(Row("time constant T of the steering loop, small step", "section 3", 0.25, lag, "s"))
 
 
+def pure_control(wanted: Floats, step: float, gap: float, rate: float) -> Floats:
+    """Return the road wheel's angle (rad) behind a motor that only gets the set-point's speed: no angle is fed back.
+
+    Where the set-point moves faster than ``rate`` (rad/s) the motor loses what it never finds again; the wheel follows
+    it through a gear with ``gap`` rad of backlash.
+    """
+    motor = wanted[0] + np.concatenate([[0.0], np.cumsum(np.clip(np.diff(wanted), -rate * step, rate * step))])
+    wheel, angle = [], motor[0]
+    for place in motor:
+        angle = min(max(angle, place - gap / 2), place + gap / 2)
+        wheel.append(angle)
+    return np.array(wheel)
+
+
 def figure_5(found: Replication) -> None:
-    """Set-point against angle, with and without the loop, of a slow drive from side to side."""
-    time = 0.04 * np.arange(3000)
-    wanted = np.radians(16.0) * np.sin(2 * np.pi * time / 60.0) * np.cos(2 * np.pi * time / 23.0)
-    curves = {}
-    for name, feedback in (("without loop", "motor"), ("with loop", "road_wheel")):
+    """Set-point against angle of a slow drive from side to side: pure control of the motor, and the loop."""
+    step, gap, motor = 0.04, math.radians(2.0), math.radians(20.0)
+    time = step * np.arange(12_000)
+    wanted = np.radians(16.0) * np.sin(2 * np.pi * time / 240.0) * np.cos(2 * np.pi * time / 92.0)
+    curves = {"without loop": pure_control(wanted, step, gap, motor)}
+    for called, feedback in (("with loop", "road_wheel"), ("loop on the motor", "motor")):
         env = gym.make(
-            "lanekeep/CameraLane-v0", speed=0.0, road="straight", vehicle=steering(feedback), episode_steps=4000
+            "lanekeep/CameraLane-v0", speed=0.0, road="straight", vehicle=steering(feedback), episode_steps=20_000
         )
         env.reset(seed=0, options={"lateral_error": 0.0, "heading_error": 0.0})
-        angle = [env.step(np.array([want / 0.6], dtype=np.float32))[0][3] for want in wanted]
+        followed = [env.step(np.array([want / 0.6], dtype=np.float32))[0][3] for want in wanted]
         env.close()
-        curves[name] = np.array(angle)
-    found.pictures["figure_5.png"] = plots.figure_5(wanted, curves)
-    width = {name: np.degrees(np.sqrt(np.mean((angle - wanted) ** 2))) for name, angle in curves.items()}
+        curves[called] = np.array(followed)
+    found.pictures["figure_5.png"] = plots.figure_5(
+        wanted, {name: curves[name] for name in ("without loop", "with loop")}
+    )
+    rows = []
+    for name, angle in curves.items():
+        # Width of the hysteresis: between set-points that rise and fall through 0 on wide swings.
+        rate = np.gradient(wanted)
+        near = (np.abs(wanted) < np.radians(3.0)) & (np.abs(rate) > 0.5 * np.abs(rate).max())
+        off = wanted - angle
+        width = np.degrees(np.mean(off[near & (rate > 0.0)]) - np.mean(off[near & (rate < 0.0)]))
+        rows.append((name, f"{np.degrees(np.sqrt(np.mean((angle - wanted) ** 2))):.2f}", f"{width:.2f}"))
     found.tables.append(
         Table(
-            "Figure 5: steering angle against its set-point",
-            ("steering", "RMS of angle − set-point [°]"),
-            tuple((name, f"{value:.2f}") for name, value in width.items()),
+            "Figure 5: steering angle against its set-point; without the loop the motor is only told to turn",
+            ("steering", "RMS of angle − set-point [°]", "width of the hysteresis near 0 [°]"),
+            tuple(rows),
         )
     )
 
 
 def steady_curves(found: Replication) -> None:
     """The rear wheel's error in steady curves, K2 = 2 l/(l + f)²."""
-    checked = {100.0: (3.0, 3.0), 50.0: (14.5, 11.0), 30.0: (43.0, 25.0), 20.0: (105.0, 44.0)}
+    checked = {100.0: ("3", "3"), 50.0: ("14.5", "11"), 30.0: ("43", "25"), 20.0: ("105", "44")}
     for edge, errors in checked.items():
         for side, sign, error in (("right", -1.0, errors[0]), ("left", 1.0, errors[1])):
             radius = sign * (edge - sign * 1.5)
@@ -76,14 +102,15 @@ def steady_curves(found: Replication) -> None:
             )  # fmt: skip
             reached = 1000.0 * abs(float(driven.lateral[-1]))
             quantity = f"rear wheel's error in a {side} curve, edge radius {edge:.0f} m"
-            found.rows.append(Row(quantity, "(11), checked", error, reached, "mm", 1))
+            digits = len(error.partition(".")[2])
+            found.rows.append(Row(quantity, "(11), checked", float(error), reached, "mm", digits))
 
 
 def damping(found: Replication) -> None:
     """Damping of the linear loop without and with K3."""
     model = CameraModel(3.0, 3.5, 0.25)
     cases = ((0.0, 1.0, 0.706), (0.0, 6.0, 0.540), (1.0, 1.0, math.sqrt(0.5)), (1.0, 6.0, math.sqrt(0.5)))
-    for k3, speed, published in cases:
+    for k3, speed, checked in cases:
         loop = np.polymul(
             [k3 * model.derivative_gain, model.proportional_gain],
             [model.reach * speed / model.wheelbase, speed**2 / model.wheelbase],
@@ -92,13 +119,13 @@ def damping(found: Replication) -> None:
         swinging = poles[np.abs(poles.imag) > 1e-9]
         ratio = float((-swinging.real / np.abs(swinging)).min())
         gain = "K3 = T K2" if k3 else "K3 = 0"
-        found.rows.append(Row(f"damping, {gain}, {speed:.0f} m/s", "(12), checked", published, ratio))
+        found.rows.append(Row(f"damping, {gain}, {speed:.0f} m/s", "(12), checked", checked, ratio))
 
 
 def limit_cycles(found: Replication) -> None:
     """Half of the swing of d on a straight, with 2° of backlash."""
     cases = (("motor", 4.0, 0.16), ("road_wheel", 2.0, 0.023), ("road_wheel", 4.0, 0.043), ("road_wheel", 6.0, 0.061))
-    for feedback, speed, published in cases:
+    for feedback, speed, checked in cases:
         driven = drive(
             "CameraLane-v0", "traechtler-pd", 400.0 / speed, road="straight", speed=speed, vehicle=steering(feedback),
             offset=0.3,
@@ -106,7 +133,8 @@ def limit_cycles(found: Replication) -> None:
         late = driven.edge[int(0.6 * len(driven.edge)) :]
         place = "on the motor" if feedback == "motor" else "behind the gear"
         quantity = f"limit cycle of d, loop {place}, {speed:.0f} m/s"
-        found.rows.append(Row(quantity, "section 3, checked", published, float(np.ptp(late)) / 2, "m"))
+        digits = 2 if feedback == "motor" else 3
+        found.rows.append(Row(quantity, "section 3, checked", checked, float(np.ptp(late)) / 2, "m", digits))
 
 
 def blind_turns(found: Replication) -> None:
@@ -196,10 +224,16 @@ def figure_7(found: Replication) -> None:
 
 STEPS = (
     ("steering loop", actuator),
+    ("Figure 2", figure_2),
+    ("Figure 3", figure_3),
     ("Figure 5", figure_5),
     ("steady curves", steady_curves),
     ("damping", damping),
+    ("derivative part", derivative_part),
+    ("set points", set_points),
     ("limit cycles", limit_cycles),
     ("Figure 7", figure_7),
     ("blind turns", blind_turns),
+    ("angles", angles),
+    ("errors of the plan", plan_errors),
 )

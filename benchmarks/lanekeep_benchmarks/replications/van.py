@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import lanekeep_baselines
 import lanekeep_env  # noqa: F401
+from lanekeep_baselines.traechtler import TraechtlerPd
 from lanekeep_baselines.traechtler_model import CameraModel
 from lanekeep_env.roads import Road
 from lanekeep_env.scenario import CameraLaneScenario
@@ -31,7 +32,7 @@ class Drive:
 
     time s; station of the rear axle m; lateral error m and heading error rad of the rear axle; edge distance m as
     observed; whether it was valid; whether the controller used it (switch S1); steering angle, command rad; steering
-    rate rad/s, of the step before.
+    rate rad/s, of the step before; edge distance asked for m.
     """
 
     scenario: CameraLaneScenario
@@ -46,11 +47,12 @@ class Drive:
     steer: Floats
     command: Floats
     rate: Floats
+    wanted: Floats
 
 
 def drive(
     env_id: str,
-    policy: str,
+    policy: str | type[TraechtlerPd],
     seconds: float,
     design: dict[str, Any] | None = None,
     offset: float = 0.0,
@@ -72,7 +74,7 @@ def drive(
     env = gym.make(f"lanekeep/{env_id}", max_episode_steps=keywords["episode_steps"], **keywords)
     scenario: CameraLaneScenario = env.unwrapped.scenario  # type: ignore[attr-defined]
     believed = scenario if design is None else type(scenario).from_keywords(**{**keywords, **design})
-    controller = lanekeep_baselines.make(policy, believed)
+    controller = lanekeep_baselines.make(policy, believed) if isinstance(policy, str) else policy(believed)
     column = {channel.name: k for k, channel in enumerate(scenario.channels)}
     observation, info = env.reset(seed=0, options={"arc_length": 0.0, "lateral_error": offset})
     rows: list[tuple[float, ...]] = []
@@ -84,16 +86,17 @@ def drive(
         truth = (info[name] for name in ("arc_length", "lateral_error", "heading_error", "steering_rate"))
         # The simulating controller's switch is the last number that it remembers; the others use what they see.
         closed = state[-1] if state is not None and policy == "traechtler-blind" else observation[column["edge_valid"]]
-        rows.append((*truth, *seen, closed, command))
+        wanted = observation[column["set_distance"]] if "set_distance" in column else scenario.set_distance
+        rows.append((*truth, *seen, closed, command, wanted))
         observation, _, terminated, truncated, info = env.step(action)
         over = terminated or truncated
     columns: list[Floats] = list(np.array(rows, dtype=np.float64).T)
-    station, lateral, heading, rate, edge, valid, steer, closed, commands = columns
+    station, lateral, heading, rate, edge, valid, steer, closed, commands, asked = columns
     road = env.unwrapped.road_set()[0][0]  # type: ignore[attr-defined]
     env.close()
     time: Floats = scenario.control_step * np.arange(len(rows), dtype=np.float64)
     return Drive(
-        scenario, road, time, station, lateral, heading, edge, valid > 0.5, closed > 0.5, steer, commands, rate
+        scenario, road, time, station, lateral, heading, edge, valid > 0.5, closed > 0.5, steer, commands, rate, asked
     )
 
 

@@ -32,7 +32,7 @@ from lanekeep_env.sensing.ultrasonic import HALF_CONE
 
 VARIANTS = ("published", "as-driven", "si")
 CONTROLLERS = ("pi", "pi-state", "cascade", "cascade-delayed", "cascade-redesigned", "pd", "pd-misprinted")
-#: Steering limit of the report, degrees.
+#: Steering limit, degrees: an assumption, the report prints none.
 LIMIT = 22.0
 DEGREE = float(np.pi / 180.0)
 #: The report's car, and that of the competition's PD.

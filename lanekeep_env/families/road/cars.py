@@ -113,7 +113,7 @@ class RoadCars(Cars):
 
     def check_state(self, state: Mapping[str, np.ndarray]) -> None:
         """Raise ValueError for a state, of the right shapes, that no car has."""
-        drive, timelines = self.equipment[-2:]
+        drive, timelines = self.equipment[4:6]
         segments, roads = self.ground, self.index
         sizes: dict[int, np.ndarray | int] = {at.SEGMENT: len(segments), at.ROAD: len(roads)}
         further = {}

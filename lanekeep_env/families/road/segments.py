@@ -95,3 +95,15 @@ def look_ahead(first, last, block, counted, road, settings, observation):
             kappa = road[segment, at.R_CURVATURE] + road[segment, at.R_CURVATURE_SLOPE] * larger(along, zero)
             observation[i, column + k] = clip(kappa, low, high)
             along += spacing
+
+
+@helper
+def curvature_ahead(i, way, block, counted, road):
+    """Return the curvature of the road ``way`` metres ahead of car i, 1/m."""
+    segment, along = counted[at.SEGMENT, i], larger(block[at.ALONG, i], like(way, 0.0)) + way
+    for _ in range(road.shape[0]):
+        if not along >= road[segment, at.R_LENGTH]:
+            break
+        along -= road[segment, at.R_LENGTH]
+        segment = np.int64(road[segment, at.R_NEXT])
+    return road[segment, at.R_CURVATURE] + road[segment, at.R_CURVATURE_SLOPE] * along

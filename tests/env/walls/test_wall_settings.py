@@ -35,6 +35,7 @@ def refused(name=WALL, **keywords):
 @pytest.mark.parametrize(
     ("keywords", "words"),
     [
+        ({"side_sensor": 6.0}, ["side_sensor=6.0", "<= 5.0 m"]),
         ({"set_distance": -1.0}, ["set_distance=-1.0", "> 0.0", "<= 6.0", " m"]),
         ({"set_distance": 7.0}, ["set_distance=7.0", "<= 6.0 m"]),
         ({"set_distance": float("nan")}, ["set_distance=nan", "finite"]),

@@ -1,0 +1,26 @@
+"""Why a quantity comes out otherwise than a work says: a sentence by work and by how the quantity begins."""
+
+from __future__ import annotations
+
+DIFFERENCES: dict[str, dict[str, str]] = {
+    "traechtler": {
+        "limit cycle": "checked with finer steps: at 10 ms it is 0.043 m at 4 m/s and 0.061 m at 6 m/s here as well",
+    },
+    "knightriders": {},
+    "werling": {
+        "error after 3 s": "2 mm, 0.3 % of the start's 0.8 m; where they come from is not known",
+        "largest error backwards": "a range was checked, of which the middle stands here; it lies inside",
+        "speed control takes over": "read off Figure 10 to half a second; the article's engine is not known",
+        "gap over L + τ v": "the gap goes to its set-point exponentially and is 0.2 % from it after 15 s",
+        "standstill": "read off Figure 10 to a second",
+        "mean acceleration": "(32) is evaluated anew in each step and makes up for what the brake's lag loses",
+    },
+    "yin": {
+        "(b) smallest radius": "both are printed: 1/91.8 m is 0.010893 1/m, which rounds to 0.0109",
+        "(b) RMS deviation": "checked over 30 s from places along the road, here over all of it from its start",
+        "RMS deviation, sine": (
+            "checked in linear path coordinates; a car that runs wide drives the wider bend (at a tenth of curvature"
+            " and start, where that is little, ten times the RMS is equal)"
+        ),
+    },
+}

@@ -1,0 +1,89 @@
+"""A driver's record: how one looks ahead, corrects, wanders and looks away."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lanekeep_env import layout as at
+from lanekeep_env.checks import plain_numbers, record_from, require
+
+
+@dataclass(frozen=True)
+class Driver:
+    """Donges's two-level driver (1978) with wandering and lapses; see `tasks.driver`.
+
+    Attributes:
+        preview_time: how far ahead the road's curvature is steered for, s.
+        frequency, damping: of the correction of lateral errors, rad/s and 1.
+        lag: of the hands, s.
+        wander: standard deviation of where the driver wants to be in the lane, m.
+        wander_time: in which that changes, s.
+        lapse_rate: how often the driver looks away, a second of looking, 1/s.
+        shortest_lapse, longest_lapse: for how long, s; uniform between them. The wheel is held meanwhile.
+    """
+
+    preview_time: float = 0.4
+    frequency: float = 0.8
+    damping: float = 0.9
+    lag: float = 0.2
+    wander: float = 0.1
+    wander_time: float = 5.0
+    lapse_rate: float = 0.0
+    shortest_lapse: float = 1.0
+    longest_lapse: float = 4.0
+
+    def __post_init__(self) -> None:
+        require("driver.preview_time", self.preview_time, "s", at_least=0.0, at_most=10.0)
+        require("driver.frequency", self.frequency, "rad/s", at_least=0.0, at_most=10.0)
+        require("driver.damping", self.damping, "", at_least=0.0, at_most=10.0)
+        require("driver.lag", self.lag, "s", at_least=0.0, at_most=5.0)
+        require("driver.wander", self.wander, "m", at_least=0.0, at_most=10.0)
+        require("driver.wander_time", self.wander_time, "s", above=0.0, at_most=1e4)
+        require("driver.lapse_rate", self.lapse_rate, "1/s", at_least=0.0, at_most=10.0)
+        require("driver.shortest_lapse", self.shortest_lapse, "s", at_least=0.0, at_most=1e3)
+        require("driver.longest_lapse", self.longest_lapse, "s", at_least=self.shortest_lapse, at_most=1e3)
+        plain_numbers(self)
+
+    @property
+    def lapses(self) -> bool:
+        """Whether the driver ever looks away."""
+        return self.lapse_rate > 0.0
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the driver wants to be anywhere but in the middle."""
+        return self.wander > 0.0
+
+    def numbers(self, step: float, steering: tuple[float, float]) -> np.ndarray:
+        """Numbers for the kernel, (`layout.DRIVER_SIZE`,).
+
+        Args:
+            step: the control step, s.
+            steering: angle over curvature of the car, m, and its growth with the speed's square, s²/m.
+        """
+        values = np.zeros(at.DRIVER_SIZE)
+        values[at.V_PREVIEW] = self.preview_time
+        values[at.V_LATERAL] = self.frequency**2
+        values[at.V_COURSE] = 2.0 * self.damping * self.frequency
+        values[at.V_SHARE] = 1.0 - np.exp(-step / self.lag) if self.lag > 0.0 else 1.0
+        values[at.V_WANDER], values[at.V_KEEPS] = self.wander, np.exp(-step / self.wander_time)
+        values[at.V_LAPSES] = 1.0 - np.exp(-self.lapse_rate * step)
+        values[at.V_SHORTEST], values[at.V_LONGEST] = self.shortest_lapse / step, self.longest_lapse / step
+        values[at.V_ANGLE : at.V_ANGLE + 2] = steering
+        return values
+
+
+#: By name. The drowsy one looks away every 25 seconds and wanders twice as far.
+DRIVERS: dict[str, Driver] = {
+    "attentive": Driver(),
+    "drowsy": Driver(wander=0.2, lapse_rate=0.04),
+}
+
+
+def driver_from(value: str | Mapping[str, Any] | Driver) -> Driver:
+    """Read a driver: a name of `DRIVERS`, a mapping of fields, or a record; ValueError names what is wrong."""
+    return record_from(Driver, value, "driver", DRIVERS)
