@@ -53,7 +53,7 @@ ACTING = 33  # the one of them that acts in the present sub-step, rad
 MOTOR = 34  # motor angle in terms of the road wheel, rad
 STEER_GAIN = 35  # share of the remaining way that the motor would go in half a sub-step at its present speed
 # Set speeds in time, where the speed does not come from the road:
-SPEED_TARGET = 36  # m/s
+SPEED_TARGET = 36  # m/s; with a powertrain the fastest in the direction that is engaged, negative in reverse
 # The camera:
 EDGE = 37  # distance from the road's edge, m; NaN where none is seen
 # Walled worlds, where ALONG and LATERAL are x and y, HEADING counts from the x axis, and STATION along the centre line:
@@ -81,12 +81,12 @@ PULL = 56  # longitudinal acceleration, m/s²
 PEDAL = 57  # asked for: throttle where positive, brake where negative, -1 to 1
 THROTTLE = 58  # 0 to 1
 BRAKE = 59  # 0 to 1
-GEAR = 60  # 0 for the first
-SHIFT = 61  # until the next gear change may follow, s
+GEAR = 60  # 0 for the first, -1 for reverse
+SHIFT = 61  # until a gear change may follow that takes back the last one, s
 SLOPE = 62  # sine of the road's rise
 WIND = 63  # headwind, m/s
 SET_SPEED = 64  # m/s
-LEAD_GAP = 65  # to the car ahead, m; FAR for none
+LEAD_GAP = 65  # to the car ahead, m; NOWHERE for none
 LEAD_SPEED = 66  # m/s
 STOP_GAP = 67  # to the stop point, m; FAR for none
 EVENT = 68  # number of the timeline's next event
@@ -105,7 +105,28 @@ SPACE_AHEAD = 78  # middle of the world's longest space from the middle of the b
 SPACE_LEFT = 79  # ... and to the left
 SPACE_TURNED = 80  # heading minus that of the kerb, rad
 SPACE_LENGTH = 81  # m
-CAR_ROWS = 82  # further rows, as many as needed: commands (newest first), then the sensors' rows
+# Cars with a powertrain, further:
+SHIFTED = 82  # direction of the last gear change: 1 up, -1 down
+FRONT_GRIP = 83  # largest force of the axle before engine and brake took theirs, N ...
+REAR_GRIP = 84
+LEAD_TARGET = 85  # speed that the car ahead goes to, m/s ...
+LEAD_RATE = 86  # ... and how fast, m/s²
+LEAD_SEEN = 87  # its speed as far as it is in sight, m/s; 0 elsewhere
+PULL_BEFORE = 88  # longitudinal acceleration at the start of the control step, m/s²
+LEAD_SIGHT = 89  # what was seen when the car ahead came: SIGHT_SIZE rows
+STOP_SIGHT = 96  # the same of the stop point
+# of a sight:
+SIGHT_STEP = 0  # control step whose observation was the first to show it, -1 for that of the reset
+SIGHT_GAP = 1  # at the start of that step, as all that follows, m
+SIGHT_SPEED = 2  # own, m/s
+SIGHT_PULL = 3  # own acceleration, m/s²
+SIGHT_SEGMENT = 4  # of the road
+SIGHT_ALONG = 5  # m
+SIGHT_EVENT = 6  # number of the timeline's event that brought it
+SIGHT_SIZE = 7
+AVOIDABLE = 103  # 1 where full braking in time had avoided the contact or overrun of this step
+FAILED = 104  # code of `Termination` of the last contact or overrun of this episode, 0 for none
+CAR_ROWS = 105  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the car (a uint64, reinterpreted)
@@ -203,8 +224,9 @@ LARGEST_COST = 78  # of a second, 1/s
 SECOND = 79  # row of what the second action asks for
 SECOND_LOW = 80  # its least value that counts
 SECOND_SCALE = 81  # what is asked for at 1
-GATHERED = 82  # how many channels are rows as they stand
-CHANNELS = 83  # low and high of each channel follow, then column and source (a row) of each gathered one
+CIRCLE = 82  # share of the friction that engine and brake take at the most, leaving the rest across; 0: no circle
+GATHERED = 83  # how many channels are rows as they stand
+CHANNELS = 84  # low and high of each channel follow, then column and source (a row) of each gathered one
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample, then:
@@ -269,21 +291,30 @@ D_CREEP = 9  # acceleration by the converter at standstill, m/s²
 D_CREEP_SPEED = 10  # m/s
 D_BRAKE = 11  # deceleration of the full brake, m/s²
 D_PEDAL_SHARE = 12  # share of the remaining way that throttle and brake go in a sub-step
-D_UP = 13  # engine speed of an upshift, rad/s ...
-D_UP_THROTTLE = 14  # ... and what full throttle adds
-D_DOWN = 15
-D_DOWN_THROTTLE = 16
-D_SHIFT_TIME = 17  # without torque, s
-D_HOLD_TIME = 18  # from one gear change to the next, s
-D_GEARS = 19
-D_RATIOS = 20  # engine over wheel's way, rad/m, a gear each; GEARS_MOST of them
+D_UP = 13  # engine speed of an upshift with closed throttle, rad/s ...
+D_UP_PART = 14  # ... at part throttle ...
+D_UP_FULL = 15  # ... and at full throttle
+D_PART = 16  # that part
+D_DOWN = 17  # engine speed in the gear below at which it shifts down, closed throttle, rad/s ...
+D_DOWN_THROTTLE = 18  # ... and what full throttle adds
+D_KICK = 19  # throttle beyond which kick-down shifts ...
+D_KICK_SPEED = 20  # ... as far down as the engine stays below this, rad/s
+D_RESERVE = 21  # acceleration that the next gear up must have left, m/s²
+D_LIMIT = 22  # engine speed at which the limiter cuts in, rad/s
+D_SHIFT_TIME = 23  # without torque, s
+D_HOLD_TIME = 24  # from one gear change to the next, s
+D_SETTLE_TIME = 25  # from one gear change to one that takes it back, s
+D_REVERSE = 26  # engine over wheel's way in reverse, rad/m
+D_GEARS = 27
+D_RATIOS = 28  # the same of the gears; GEARS_MOST of them
 GEARS_MOST = 8
-DRIVE_SIZE = 28
+DRIVE_SIZE = 36
 
 # timelines: (timelines, events, 4): time (s), kind, and up to two numbers; unused events are at inf
 E_TIME, E_KIND, E_FIRST, E_SECOND = 0, 1, 2, 3
-SPEED_EVENT, LEAD_EVENT, LEAD_GONE, STOP_EVENT, STOP_GONE = 0, 1, 2, 3, 4
-FAR = 200.0  # m
+SPEED_EVENT, LEAD_EVENT, LEAD_GONE, STOP_EVENT, STOP_GONE, LEAD_SPEED_EVENT = 0, 1, 2, 3, 4, 5
+FAR = 200.0  # how far cars ahead and stop points are seen, m
+NOWHERE = 1e6  # gap of a car ahead that is not there, m
 
 # camera: float64, or None for an environment without; CAMERA_SIZE numbers, then one a road segment: 1 where its
 # edge is marked
@@ -328,6 +359,15 @@ O_MODE = 16
 O_SHARE = 17
 O_KERB_DISTANCE = 18
 COURSE_OUTCOME_ROWS = 19
+
+# With a powertrain, behind OUTCOME_ROWS:
+O_LEAD_GAP = 11  # m; inf without a car ahead
+O_TIME_TO_COLLISION = 12  # s, at present speeds; inf where it does not come nearer
+O_STOP_ERROR = 13  # way left to the stop point, m; inf without one
+O_SPEED_ERROR = 14  # against the wanted speed, m/s
+O_JERK = 15  # m/s³, over the control step
+O_AVOIDABLE = 16  # 1 where full braking in time had avoided the contact or overrun of this step
+DRIVE_OUTCOME_ROWS = 17
 
 # start: (rows, n) float64; NaN means drawn by the episode's key
 START_ROWS = 4  # lateral error, heading error, arc length, road index

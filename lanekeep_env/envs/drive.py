@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from lanekeep_env.envs.road_env import RoadEnv
+from lanekeep_env.envs.road_env import PoweredEnv
 from lanekeep_env.scenario import DriveScenario
 
 
-class DriveEnv(RoadEnv):
+class DriveEnv(PoweredEnv):
     """
     ## Description
 

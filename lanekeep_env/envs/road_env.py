@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from lanekeep_env import layout as at
 from lanekeep_env.envs.single import SingleEnv
 from lanekeep_env.envs.skin import Skin
 from lanekeep_env.roads import Road
@@ -39,3 +40,27 @@ class OnRoads(Skin):
 
 class RoadEnv(OnRoads, SingleEnv):
     """One car on a road; subclasses name the task's scenario, and are its page of documentation."""
+
+
+class Driving(OnRoads):
+    """What environments with a powertrain share."""
+
+    further: ClassVar[tuple[tuple[str, int], ...]] = (
+        ("lead_gap", at.O_LEAD_GAP),
+        ("time_to_collision", at.O_TIME_TO_COLLISION),
+        ("stop_error", at.O_STOP_ERROR),
+        ("speed_error", at.O_SPEED_ERROR),
+        ("jerk", at.O_JERK),
+        ("avoidable", at.O_AVOIDABLE),
+    )
+
+    @staticmethod
+    def make_cars(*arguments: Any) -> Any:
+        """Return the kernel's arrays; the arguments are those of `Cars`."""
+        from lanekeep_env.families.road.drive_cars import DriveCars
+
+        return DriveCars(*arguments)
+
+
+class PoweredEnv(Driving, SingleEnv):
+    """One car with pedals."""

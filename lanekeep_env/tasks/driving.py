@@ -6,14 +6,16 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import larger, like, select, smaller, sqrt
+from lanekeep_env.physics.numeric import clip, larger, like, select, smaller, sqrt
 
 #: Gap of a standing car (m) and time gap (s) of the speed that the cost asks for, and its braking, m/s².
 STANDING_GAP, TIME_GAP, BRAKING = 4.0, 1.5, 1.7
+#: A stop point is passed when the car is farther beyond it, m.
+TOLERANCE = 0.05
 
 
 @helper
-def happen(i, block, timeline, settings):
+def happen(i, block, counted, timeline, settings):
     """Let the events of a timeline happen whose time has come in car i."""
     time = np.float64(block[at.STEP, i]) * np.float64(settings[at.STEP_TIME]) * np.float64(settings[at.SUBSTEPS])
     time += 1e-6 + 1e-7 * time  # a single-precision step time is that much off
@@ -24,34 +26,73 @@ def happen(i, block, timeline, settings):
             block[at.SET_SPEED, i] = first
         elif kind == at.LEAD_EVENT:
             block[at.LEAD_GAP, i] = first
-            block[at.LEAD_SPEED, i] = second
+            block[at.LEAD_SPEED, i] = block[at.LEAD_TARGET, i] = second
+            sight(i, at.LEAD_SIGHT, first, event, block, counted)
+        elif kind == at.LEAD_SPEED_EVENT:
+            block[at.LEAD_TARGET, i] = first
+            block[at.LEAD_RATE, i] = second
         elif kind == at.LEAD_GONE:
-            block[at.LEAD_GAP, i] = at.FAR
-            block[at.LEAD_SPEED, i] = 0.0
+            block[at.LEAD_GAP, i] = at.NOWHERE
+            block[at.LEAD_SPEED, i] = block[at.LEAD_TARGET, i] = 0.0
         elif kind == at.STOP_EVENT:
             block[at.STOP_GAP, i] = first
+            sight(i, at.STOP_SIGHT, first, event, block, counted)
         else:
             block[at.STOP_GAP, i] = at.FAR
         event += 1
     block[at.EVENT, i] = event
 
 
+@inline
+def sight(i, row, gap, event, block, counted):
+    """Write in the rows from ``row`` on what car i sees first of what ``event`` brings ``gap`` metres ahead."""
+    block[row + at.SIGHT_STEP, i] = block[at.STEP, i]
+    block[row + at.SIGHT_GAP, i] = gap
+    block[row + at.SIGHT_SPEED, i] = abs(block[at.SPEED, i])
+    block[row + at.SIGHT_PULL, i] = block[at.PULL, i] if block[at.SPEED_TARGET, i] > 0.0 else -block[at.PULL, i]
+    block[row + at.SIGHT_SEGMENT, i] = counted[at.SEGMENT, i]
+    block[row + at.SIGHT_ALONG, i] = block[at.ALONG, i]
+    block[row + at.SIGHT_EVENT, i] = event
+
+
+@inline
+def lead_after(speed, target, rate, seconds):
+    """Return the speed of the car ahead after so many seconds, m/s: towards ``target`` with ``rate`` m/s²."""
+    change = rate * seconds
+    return speed + clip(target - speed, -change, change)
+
+
+@inline
+def grip_of(i, block):
+    """Return the largest acceleration that the tyres of car i give, m/s²; those of the car ahead give no more."""
+    return (block[at.FRONT_GRIP, i] + block[at.REAR_GRIP, i]) * block[at.INVERSE_MASS, i]
+
+
 @helper
 def move_on(i, way, seconds, block):
     """Move lead car and stop point of car i relative to a car that drove ``way`` metres."""
     far = like(way, at.FAR)
-    if block[at.LEAD_GAP, i] < far:
-        gap = block[at.LEAD_GAP, i] + block[at.LEAD_SPEED, i] * seconds - way
-        block[at.LEAD_GAP, i] = smaller(gap, like(way, at.FAR - 1e-3))
+    if block[at.LEAD_GAP, i] < like(way, 0.5 * at.NOWHERE):
+        before = block[at.LEAD_SPEED, i]
+        rate = smaller(block[at.LEAD_RATE, i], grip_of(i, block))
+        after = lead_after(before, block[at.LEAD_TARGET, i], rate, seconds)
+        block[at.LEAD_SPEED, i] = after
+        block[at.LEAD_GAP, i] += like(way, 0.5) * (before + after) * seconds - way
+    block[at.LEAD_SEEN, i] = select(block[at.LEAD_GAP, i] < far, block[at.LEAD_SPEED, i], like(way, 0.0))
     if block[at.STOP_GAP, i] < far:
         block[at.STOP_GAP, i] -= way
 
 
 @inline
 def wanted_speed(set_speed, gap, stop):
-    """Return the speed that the cost asks for, m/s: the set one, a time gap to the lead car, even braking to a stop."""
+    """Return the speed that the cost asks for, m/s: the set one, a time gap to the lead car, even braking to a stop.
+
+    Backwards it is negative, as the set one is; cars and stop points are those in the way.
+    """
     zero, far = like(gap, 0.0), like(gap, at.FAR)
+    wanted = abs(set_speed)
     follow = larger((gap - like(gap, STANDING_GAP)) / like(gap, TIME_GAP), zero)
-    wanted = select(gap < far, smaller(set_speed, follow), set_speed)
+    wanted = select(gap < far, smaller(wanted, follow), wanted)
     brake = sqrt(like(gap, 2.0 * BRAKING) * larger(stop, zero))
-    return select(stop < far, smaller(wanted, brake), wanted)
+    wanted = select(stop < far, smaller(wanted, brake), wanted)
+    return select(set_speed < zero, -wanted, wanted)
