@@ -11,7 +11,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import clip, larger, like, select, smaller, sqrt
+from lanekeep_env.physics.numeric import clip, larger, like, select, sqrt
 from lanekeep_env.physics.parameters import GRAVITY
 
 #: Below this speed a car stands, m/s.
@@ -72,13 +72,9 @@ def choose_gear(v, drive):
 @inline
 def upshift_speed(throttle, drive):
     """Return the engine speed at which the gearbox would shift up, rad/s."""
-    zero, one, part = like(throttle, 0.0), like(throttle, 1.0), drive[at.D_PART]
-    slow = (drive[at.D_UP_PART] - drive[at.D_UP]) * smaller(throttle / part, one)
-    return (
-        drive[at.D_UP]
-        + slow
-        + (drive[at.D_UP_FULL] - drive[at.D_UP_PART]) * larger(throttle - part, zero) / (one - part)
-    )
+    part = drive[at.D_PART]
+    beyond = larger(throttle - part, like(throttle, 0.0)) / (like(throttle, 1.0) - part)
+    return drive[at.D_UP] + (drive[at.D_UP_FULL] - drive[at.D_UP]) * beyond
 
 
 @inline

@@ -12,8 +12,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from lanekeep_baselines.werling import WerlingDrive, WerlingLateral, WerlingReverse, WerlingReverseAhead
+from lanekeep_baselines.werling import WerlingLateral, WerlingReverse, WerlingReverseAhead
 from lanekeep_baselines.werling_lateral import WerlingMeasured, WerlingTuning, blended_steering
+from lanekeep_baselines.werling_multi import WerlingDrive
 from lanekeep_baselines.werling_tyres import WerlingCar
 from lanekeep_benchmarks.replications import werling_plots as plots
 from lanekeep_benchmarks.replications.passat import Drive, Floats, ReverseBends, drive
