@@ -24,10 +24,11 @@ class DriveScenario(GripScenario, Protocol):
 
 
 class Pedals(NamedTuple):
-    """Pedal, throttle positive, brake negative, and the acceleration (m/s²) that the model expects of it, (n,)."""
+    """Pedal, throttle positive, brake negative; the acceleration (m/s²) that the model expects; resistances (m/s²)."""
 
     pedal: Floats
     expected: Floats
+    resistance: Floats
 
 
 class WerlingDrive(WerlingLateralAhead):
@@ -66,8 +67,8 @@ class WerlingDrive(WerlingLateralAhead):
         super().__init__(scenario)
         self._laws = LongitudinalControl(self.longitudinal)
         self._integrator = AccelerationIntegrator(self.integration, scenario.control_step)
-        # Behind the laws' and the integrator's: expected acceleration behind the lag, m/s², the last gear, and the time
-        # for which the integrator stands still, s.
+        # Behind the laws' and the integrator's: what the pedals are due to give behind their lag, m/s², the last gear,
+        # and the time for which the integrator stands still, s.
         self.memory = self._laws.memory + self._integrator.memory + 3
         self._train, self._mass, self._step = scenario.powertrain, scenario.vehicle.mass, scenario.control_step
         self._far = next(c.high for c in scenario.channels if c.name == "lead_gap")
@@ -95,7 +96,7 @@ class WerlingDrive(WerlingLateralAhead):
         slips = (v * ratio < train.idle_speed) & (asked + resistance <= 0.0)
         brake = np.where(slips, np.clip(-(asked + resistance) / train.brake, 0.0, 1.0), found.pressure)
         expected = np.where(slips, -train.brake * brake - resistance, found.expected)
-        return Pedals(np.where(brake > 0.0, -brake, found.throttle), expected)
+        return Pedals(np.where(brake > 0.0, -brake, found.throttle), expected, resistance)
 
     def pedal(self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool) -> tuple[Floats, Floats]:
         """Return the pedal, throttle positive, brake negative, (n,), and the next memory."""
@@ -113,16 +114,15 @@ class WerlingDrive(WerlingLateralAhead):
         held = np.where(fresh, 0.0, np.where(gear == last, np.maximum(held - self._step, 0.0), rest))
         standing = (v < self.stands[0]) & (wanted < self.stands[1])
         pedal = np.where(standing, np.minimum(found.pedal, -self.holding), found.pedal)
-        # What the pedals of the steps before give by now, were there neither slope nor wind.
-        due = np.where(fresh, measured, before) - np.where(fresh, 0.0, state[:, 0])
+        # What the pedals of the steps before give by now; the rest of what is measured is slope and wind.
+        before = np.where(fresh, measured + found.resistance, before)
+        due = before - found.resistance - np.where(fresh, 0.0, state[:, 0])
         still = (v < self.stands[0]) | (held > 0.0)
         state = self._integrator.advance(due, measured, asked, found.expected, still, state, fresh)
         lag = self._train.pedal_lag
         share = 1.0 - np.exp(-self._step / lag) if lag > 0.0 else 1.0
-        start = np.where(fresh, measured, before)
-        # The holding brake has to be released first.
-        kept = -self._train.brake * self.holding + self._train.creep - GRAVITY * self._train.rolling
-        before = np.where(standing, kept, start + share * (found.expected - start))
+        given = np.where(standing, -self._train.brake * self.holding, found.expected + found.resistance)
+        before = before + share * (given - before)
         return pedal, np.concatenate([laws, state, np.stack([before, gear, held], axis=1)], axis=1)
 
     def command(

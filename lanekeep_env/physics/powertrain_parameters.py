@@ -179,8 +179,8 @@ class Powertrain:
 
 #: VW Passat Variant 2.0 FSI: 110 kW at 6,000/min, 200 N m at 3,500/min, six-speed automatic 09G with its ratios,
 #: reverse 3.394 (maker's figures). Two numbers follow from Figure 10, where the car gains 8.4 m/s in 8.5 s with no more
-#: than 1 m/s² and shifts three times on the way: the third before 160 rad/s, and with hardly any time without torque, as
-#: an automatic shifts under load. Stated here as those of such a car, since the article gives none: drag, rolling,
+#: than 1 m/s² and shifts three times on the way: the third before 160 rad/s, and with hardly any time without torque,
+#: as an automatic shifts under load. Stated here as those of such a car, since the article gives none: drag, rolling,
 #: creep, brake, other times, the limiter at 6,500/min, kick-down up to 5,150/min; full throttle shifts at rated power.
 POWERTRAINS = {"passat": Powertrain()}
 
