@@ -42,7 +42,7 @@ class LongitudinalTuning(NamedTuple):
         stop_rate: p of the last metres, 1/s: both poles are at -p (k_p = p², k_d = 2 p).
         least: a_min of comfort, m/s²: the article's limit.
         most: a_max, m/s².
-        emergency: a_min where comfort would not do, m/s²: see `emergency_law`.
+        emergency: a_min where comfort would not do, m/s², more than brake and hills give: see `emergency_law`.
         reaction: of the brake, s: lag and a control step.
     """
 
@@ -54,7 +54,7 @@ class LongitudinalTuning(NamedTuple):
     stop_rate: float = 2.0
     least: float = -3.5
     most: float = 1.0
-    emergency: float = -9.0
+    emergency: float = -12.0
     reaction: float = 0.12
 
     @property

@@ -54,7 +54,7 @@ class WerlingDrive(WerlingLateralAhead):
     )
     actions = 2
     #: c_v is that with which the speed law takes over at Figure 10's 12.5 s, gear changes included.
-    longitudinal: ClassVar[LongitudinalTuning] = LongitudinalTuning(speed_rate=0.51)
+    longitudinal: ClassVar[LongitudinalTuning] = LongitudinalTuning(speed_rate=0.49)
     #: Of the acceleration's integrator, 1/s.
     integration: ClassVar[float] = 0.8
     #: Below this speed (m/s) and this wanted acceleration (m/s²) the car stands; brake that holds it, share.
