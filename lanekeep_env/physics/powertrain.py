@@ -78,32 +78,24 @@ def upshift_speed(throttle, drive):
 
 
 @inline
-def wants_up(v, gear, throttle, acceleration, mass, drive):
-    """Return whether the next gear is due: fast enough, and strong enough for what the car is doing."""
+def wants_up(v, gear, throttle, acceleration, margin, mass, drive):
+    """Return whether the next gear is due: fast enough, and strong enough for what the car is doing and a margin."""
     ratio, following = drive[at.D_RATIOS + gear], drive[at.D_RATIOS + gear + 1]
     omega, per = v * ratio, drive[at.D_EFFICIENCY] / mass
     if omega <= upshift_speed(throttle, drive):
         return False
     now = engine_torque(omega, throttle, drive) * ratio * per
     possible = acceleration - now + full_torque(engine_speed(v, following, drive), drive) * following * per
-    enough = possible >= acceleration or omega > drive[at.D_UP_FULL]
+    enough = possible >= acceleration + margin or omega > drive[at.D_UP_FULL]
     return enough and possible >= drive[at.D_RESERVE]
 
 
 @inline
-def lower_gear(v, gear, throttle, drive):
-    """Return the gear to shift down to: the one below where the engine turns too slowly, more of them at kick-down."""
-    lower = gear
-    if gear > 0:
-        if throttle > drive[at.D_KICK]:
-            while lower > 0 and v * drive[at.D_RATIOS + lower - 1] < drive[at.D_KICK_SPEED]:
-                lower -= 1
-        if (
-            lower == gear
-            and v * drive[at.D_RATIOS + gear - 1] < drive[at.D_DOWN] + drive[at.D_DOWN_THROTTLE] * throttle
-        ):
-            lower = gear - 1
-    return lower
+def wants_down(v, gear, throttle, drive):
+    """Return whether the gear below is due: the engine turns too slowly, or kick-down may make it turn faster."""
+    omega = v * drive[at.D_RATIOS + gear - 1]
+    slow = omega < drive[at.D_DOWN] + drive[at.D_DOWN_THROTTLE] * throttle
+    return slow or (throttle > drive[at.D_KICK] and omega < drive[at.D_KICK_SPEED])
 
 
 @inline
@@ -122,11 +114,13 @@ def change_gear(i, v, mass, block, drive):
             following = np.int64(0)
     elif gear >= 0 and rest <= held:
         throttle = block[at.THROTTLE, i]
-        if rest == zero or last < zero:
-            following = lower_gear(v, gear, throttle, drive)
+        if gear > 0 and (rest == zero or last < zero):
+            following -= wants_down(v, gear, throttle, drive)
         if following == gear and gear + 1 < np.int64(drive[at.D_GEARS]) and (rest == zero or last > zero):
             forward = block[at.PULL, i] if block[at.SPEED_TARGET, i] > zero else -block[at.PULL, i]
-            following += wants_up(v, gear, throttle, forward, mass, drive)
+            # Who had to shift down wants something left before it goes up again.
+            margin = drive[at.D_RESERVE] if last < zero else zero
+            following += wants_up(v, gear, throttle, forward, margin, mass, drive)
     if following != gear:
         block[at.SHIFTED, i] = one if following > gear else -one
         block[at.SHIFT, i] = drive[at.D_SETTLE_TIME]

@@ -71,11 +71,11 @@ class Powertrain:
         part_throttle: throttle up to which it shifts early.
         downshift, downshift_throttle: engine speed in the gear below under which the gearbox shifts down, rad/s, and
             what full throttle adds.
-        kick_down: beyond the throttle ``kick_down_throttle`` the gearbox shifts down, over several gears at once, as
-            far as the engine stays below this speed, rad/s.
+        kick_down: beyond the throttle ``kick_down_throttle`` the gearbox shifts down as long as the engine stays below
+            this speed, rad/s.
         reserve: acceleration that the next gear must have left at full load before the gearbox shifts up, m/s²; and
-            it must be able to go on with the present one, but beyond ``upshift_full``. So load counts: uphill and
-            against the wind the gearbox stays in the gear that it needs.
+            it must be able to go on with the present one (and, once it had to shift down, with as much more), but
+            beyond ``upshift_full``. So load counts: uphill and against the wind it stays in the gear that it needs.
         rev_limit: engine speed from which on the limiter takes the torque away (over 20 rad/s), rad/s.
         reverse: ratio of the reverse gear.
         shift_time: without torque, s.
@@ -111,7 +111,7 @@ class Powertrain:
     rev_limit: float = 680.0
     reverse: float = 3.394
     shift_time: float = 0.05
-    hold_time: float = 0.8
+    hold_time: float = 0.5
     settle_time: float = 3.0
 
     def __post_init__(self) -> None:
