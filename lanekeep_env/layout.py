@@ -126,7 +126,9 @@ SIGHT_EVENT = 6  # number of the timeline's event that brought it
 SIGHT_SIZE = 7
 AVOIDABLE = 103  # 1 where full braking in time had avoided the contact or overrun of this step
 FAILED = 104  # code of `Termination` of the last contact or overrun of this episode, 0 for none
-CAR_ROWS = 105  # further rows, as many as needed: commands (newest first), then the sensors' rows
+RATIO = 105  # engine over wheel's way in the gear engaged, rad/m
+ENDING = 106  # code of `Termination` of the contact or overrun of this step, 0 for none
+CAR_ROWS = 107  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the car (a uint64, reinterpreted)

@@ -11,7 +11,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import clip, larger, like, select, sqrt
+from lanekeep_env.physics.numeric import clip, larger, like, magnitude, select, sqrt
 from lanekeep_env.physics.parameters import GRAVITY
 
 #: Below this speed a car stands, m/s.
@@ -48,10 +48,10 @@ def engine_speed(v, ratio, drive):
 
 
 @inline
-def resistance(v, wind, drive, mass):
+def resistance(v, wind, drive, inverse_mass):
     """Return the deceleration by air and rolling, m/s²; ``wind`` is a headwind, m/s."""
     air = v + wind
-    return drive[at.D_AIR] * air * abs(air) / mass + like(v, GRAVITY) * drive[at.D_ROLL]
+    return drive[at.D_AIR] * air * magnitude(air) * inverse_mass + like(v, GRAVITY) * drive[at.D_ROLL]
 
 
 @inline
@@ -78,10 +78,10 @@ def upshift_speed(throttle, drive):
 
 
 @inline
-def wants_up(v, gear, throttle, acceleration, margin, mass, drive):
+def wants_up(v, gear, throttle, acceleration, margin, inverse_mass, drive):
     """Return whether the next gear is due: fast enough, and strong enough for what the car is doing and a margin."""
     ratio, following = drive[at.D_RATIOS + gear], drive[at.D_RATIOS + gear + 1]
-    omega, per = v * ratio, drive[at.D_EFFICIENCY] / mass
+    omega, per = v * ratio, drive[at.D_EFFICIENCY] * inverse_mass
     if omega <= upshift_speed(throttle, drive):
         return False
     now = engine_torque(omega, throttle, drive) * ratio * per
@@ -98,82 +98,92 @@ def wants_down(v, gear, throttle, drive):
     return slow or (throttle > drive[at.D_KICK] and omega < drive[at.D_KICK_SPEED])
 
 
-@inline
-def change_gear(i, v, mass, block, drive):
-    """Change the gear of car i, which drives ``v`` m/s in the direction engaged, if it is time."""
-    zero, one = like(v, 0.0), like(v, 1.0)
-    gear, following = np.int64(block[at.GEAR, i]), np.int64(block[at.GEAR, i])
-    held, last = drive[at.D_SETTLE_TIME] - drive[at.D_HOLD_TIME], block[at.SHIFTED, i]
-    rest = block[at.SHIFT, i]
+@helper
+def change_gear(i, block, drive):
+    """Change the gear of car i if it is time, at the start of a control step."""
+    zero, one = like(drive[0], 0.0), like(drive[0], 1.0)
+    engaged, rest, last = block[at.SPEED_TARGET, i], block[at.SHIFT, i], block[at.SHIFTED, i]
+    way = one if engaged >= zero else -one
+    v, gear = way * block[at.SPEED, i], np.int64(block[at.GEAR, i])
+    following = gear
     if v < like(v, STANDS):
-        engaged = block[at.SPEED_TARGET, i]
-        if block[at.SET_SPEED, i] * engaged < zero:  # the lever is moved where the car stands
+        if block[at.SET_SPEED, i] * way < zero:  # the lever is moved where the car stands
             block[at.SPEED_TARGET, i] = -engaged
-            following = np.int64(-1 if engaged > zero else 0)
+            following = np.int64(-1 if way > zero else 0)
         elif gear > 0:
             following = np.int64(0)
-    elif gear >= 0 and rest <= held:
+    elif gear >= 0 and rest <= drive[at.D_SETTLE_TIME] - drive[at.D_HOLD_TIME]:
         throttle = block[at.THROTTLE, i]
         if gear > 0 and (rest == zero or last < zero):
             following -= wants_down(v, gear, throttle, drive)
         if following == gear and gear + 1 < np.int64(drive[at.D_GEARS]) and (rest == zero or last > zero):
-            forward = block[at.PULL, i] if block[at.SPEED_TARGET, i] > zero else -block[at.PULL, i]
             # Who had to shift down wants something left before it goes up again.
             margin = drive[at.D_RESERVE] if last < zero else zero
-            following += wants_up(v, gear, throttle, forward, margin, mass, drive)
+            following += wants_up(v, gear, throttle, way * block[at.PULL, i], margin, block[at.INVERSE_MASS, i], drive)
     if following != gear:
         block[at.SHIFTED, i] = one if following > gear else -one
         block[at.SHIFT, i] = drive[at.D_SETTLE_TIME]
-        block[at.GEAR, i] = following
+        engage(i, following, block, drive)
 
 
 @inline
-def leave_across(i, along, grip, block, settings):
-    """Leave what engine and brake of car i take, m/s² of ``grip``, no more to the tyres across: the friction circle."""
-    if settings[at.CIRCLE] > like(grip, 0.0):
-        used = along / grip
-        share = sqrt(like(grip, 1.0) - used * used)
-        block[at.FRONT_PEAK, i] = block[at.FRONT_GRIP, i] * share
-        block[at.REAR_PEAK, i] = block[at.REAR_GRIP, i] * share
+def engage(i, gear, block, drive):
+    """Engage a gear in car i, -1 for reverse."""
+    block[at.GEAR, i] = gear
+    block[at.RATIO, i] = drive[at.D_REVERSE] if gear < 0 else drive[at.D_RATIOS + gear]
 
 
 @helper
-def pull(i, block, settings, drive):
-    """Advance pedal, gearbox and brake of car i by a sub-step and write its longitudinal acceleration, m/s².
+def pull(n, block, settings, drive):
+    """Advance pedals and brake of a block's first ``n`` cars by a sub-step; write their acceleration along, m/s².
 
     The car does not roll against the direction engaged: whoever stands on a slope is held. All four wheels are taken
-    to drive. Anti-lock and traction control keep to `layout.CIRCLE` of the friction; without the circle it is all of
-    it, and what the tyres give along leaves what they give across alone.
+    to drive. With the friction circle anti-lock and traction control keep to `layout.CIRCLE` of the friction, and an
+    axle gives across what the rest leaves; without, what the tyres give along leaves what they give across alone.
     """
-    h = settings[at.STEP_TIME]
+    speed_, pedal_, throttle_, brake_ = block[at.SPEED], block[at.PEDAL], block[at.THROTTLE], block[at.BRAKE]
+    ratio_, shift_, target_, slope_, wind_ = (
+        block[at.RATIO],
+        block[at.SHIFT],
+        block[at.SPEED_TARGET],
+        block[at.SLOPE],
+        block[at.WIND],
+    )
+    inverse_, pull_, way_ = block[at.INVERSE_MASS], block[at.PULL], block[at.WAY]
+    front_, rear_, front_grip_, rear_grip_ = (
+        block[at.FRONT_PEAK],
+        block[at.REAR_PEAK],
+        block[at.FRONT_GRIP],
+        block[at.REAR_GRIP],
+    )
+    h, circle = settings[at.STEP_TIME], settings[at.CIRCLE]
     zero, one = like(h, 0.0), like(h, 1.0)
-    mass = one / block[at.INVERSE_MASS, i]
-    pedal, share = block[at.PEDAL, i], drive[at.D_PEDAL_SHARE]
-    block[at.THROTTLE, i] += (larger(pedal, zero) - block[at.THROTTLE, i]) * share
-    block[at.BRAKE, i] += (larger(-pedal, zero) - block[at.BRAKE, i]) * share
-    block[at.SHIFT, i] = larger(block[at.SHIFT, i] - h, zero)
-    way = one if block[at.SPEED_TARGET, i] >= zero else -one
-    change_gear(i, way * block[at.SPEED, i], mass, block, drive)
-    way = one if block[at.SPEED_TARGET, i] >= zero else -one
-    v, gear = way * block[at.SPEED, i], np.int64(block[at.GEAR, i])
-    ratio = drive[at.D_REVERSE] if gear < 0 else drive[at.D_RATIOS + gear]
-    interrupted = block[at.SHIFT, i] > drive[at.D_SETTLE_TIME] - drive[at.D_SHIFT_TIME]
-    torque = engine_torque(engine_speed(v, ratio, drive), block[at.THROTTLE, i], drive)
-    # On the slipping converter a closed throttle does not drag: the car creeps.
-    torque = larger(torque, zero) if v * ratio < drive[at.D_IDLE] else torque
-    drives = zero if interrupted else torque * ratio * drive[at.D_EFFICIENCY] / mass
-    drives += creep(v, drive)
-    # Engine and brake together get no more out of the tyres than their friction, in either direction.
-    grip = (block[at.FRONT_GRIP, i] + block[at.REAR_GRIP, i]) / mass
-    most = grip * settings[at.CIRCLE] if settings[at.CIRCLE] > zero else grip
-    drives = clip(drives - block[at.BRAKE, i] * drive[at.D_BRAKE], -most, most)
-    leave_across(i, drives, grip, block, settings)
-    slope, wind = way * block[at.SLOPE, i], way * block[at.WIND, i]
-    free = drives - like(h, GRAVITY) * slope - resistance(v, wind, drive, mass)
-    standing = v < like(h, STANDS)
+    circular, share = circle > zero, drive[at.D_PEDAL_SHARE]
+    most = circle if circular else one
+    idle, efficiency, brakes = drive[at.D_IDLE], drive[at.D_EFFICIENCY], drive[at.D_BRAKE]
+    without = drive[at.D_SETTLE_TIME] - drive[at.D_SHIFT_TIME]
     # A car that stops within the sub-step stands at its end, whatever rounding leaves of it.
-    stop = -v / h * like(h, 1.0 + 1e-6)
-    free = stop if standing and free <= zero else larger(free, stop)
-    block[at.PULL, i] = way * free
-    after = larger(v + free * h, zero)
-    block[at.WAY, i] += like(h, 0.5) * (v + after) * h
+    stopping = -like(h, 1.0 + 1e-6) / h
+    for i in range(n):
+        way = select(target_[i] >= zero, one, -one)
+        v, ratio, inverse = way * speed_[i], ratio_[i], inverse_[i]
+        throttle = throttle_[i] + (larger(pedal_[i], zero) - throttle_[i]) * share
+        brake = brake_[i] + (larger(-pedal_[i], zero) - brake_[i]) * share
+        throttle_[i], brake_[i] = throttle, brake
+        torque = engine_torque(engine_speed(v, ratio, drive), throttle, drive)
+        # On the slipping converter a closed throttle does not drag: the car creeps.
+        torque = select(v * ratio < idle, larger(torque, zero), torque)
+        drives = select(shift_[i] > without, zero, torque * ratio * efficiency * inverse)
+        shift_[i] = larger(shift_[i] - h, zero)
+        # Engine and brake together get no more out of the tyres than their friction, in either direction.
+        grip = (front_grip_[i] + rear_grip_[i]) * inverse
+        drives = clip(drives + creep(v, drive) - brake * brakes, -most * grip, most * grip)
+        used = drives / grip
+        left = select(circular, sqrt(larger(one - used * used, zero)), one)
+        front_[i], rear_[i] = front_grip_[i] * left, rear_grip_[i] * left
+        free = drives - like(h, GRAVITY) * way * slope_[i] - resistance(v, way * wind_[i], drive, inverse)
+        stop = v * stopping
+        stands = (v < like(h, STANDS)) & (free <= zero)
+        free = select(stands, stop, larger(free, stop))
+        pull_[i] = way * free
+        way_[i] += like(h, 0.5) * (v + larger(v + free * h, zero)) * h

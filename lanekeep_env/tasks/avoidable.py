@@ -53,11 +53,11 @@ def could_avoid(i, row, block, timeline, road, settings, drive):
     segment, along = np.int64(block[row + at.SIGHT_SEGMENT, i]), np.float64(block[row + at.SIGHT_ALONG, i])
     way = 1.0 if block[at.SPEED_TARGET, i] > 0.0 else -1.0
     slope, wind = way * block[at.SLOPE, i], way * block[at.WIND, i]
-    mass, limit, share = 1.0 / block[at.INVERSE_MASS, i], grip_of(i, block), drive[at.D_PEDAL_SHARE]
+    inverse, limit, share = block[at.INVERSE_MASS, i], grip_of(i, block), drive[at.D_PEDAL_SHARE]
     event = np.int64(block[row + at.SIGHT_EVENT, i])
     lead = target = timeline[event, at.E_SECOND] if leads else 0.0
     rate, brake = 0.0, 0.0
-    drives = block[row + at.SIGHT_PULL, i] + GRAVITY * slope + resistance(v, wind, drive, mass)
+    drives = block[row + at.SIGHT_PULL, i] + GRAVITY * slope + resistance(v, wind, drive, inverse)
     for _ in range(np.int64(LONGEST / h)):
         if v <= 0.0:
             break
@@ -72,7 +72,11 @@ def could_avoid(i, row, block, timeline, road, settings, drive):
             drives -= drives * share
         segment, along, kappa = _curvature(segment, along, road)
         most = _braking(limit, settings[at.CIRCLE], v * v * kappa)
-        a = clip(drives - brake * drive[at.D_BRAKE], -most, most) - GRAVITY * slope - resistance(v, wind, drive, mass)
+        a = (
+            clip(drives - brake * drive[at.D_BRAKE], -most, most)
+            - GRAVITY * slope
+            - resistance(v, wind, drive, inverse)
+        )
         before, ahead = v, lead
         v, lead = max(v + a * h, 0.0), lead_after(lead, target, rate, h)
         driven = 0.5 * (before + v) * h

@@ -6,7 +6,8 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import clip, larger, like, select, smaller, sqrt
+from lanekeep_env.physics.numeric import clip, larger, like, magnitude, select, smaller, sqrt
+from lanekeep_env.tasks.termination import CONTACT, STOP_PASSED
 
 #: Gap of a standing car (m) and time gap (s) of the speed that the cost asks for, and its braking, m/s².
 STANDING_GAP, TIME_GAP, BRAKING = 4.0, 1.5, 1.7
@@ -69,18 +70,32 @@ def grip_of(i, block):
 
 
 @helper
-def move_on(i, way, seconds, block):
-    """Move lead car and stop point of car i relative to a car that drove ``way`` metres."""
-    far = like(way, at.FAR)
-    if block[at.LEAD_GAP, i] < like(way, 0.5 * at.NOWHERE):
-        before = block[at.LEAD_SPEED, i]
-        rate = smaller(block[at.LEAD_RATE, i], grip_of(i, block))
-        after = lead_after(before, block[at.LEAD_TARGET, i], rate, seconds)
-        block[at.LEAD_SPEED, i] = after
-        block[at.LEAD_GAP, i] += like(way, 0.5) * (before + after) * seconds - way
-    block[at.LEAD_SEEN, i] = select(block[at.LEAD_GAP, i] < far, block[at.LEAD_SPEED, i], like(way, 0.0))
-    if block[at.STOP_GAP, i] < far:
-        block[at.STOP_GAP, i] -= way
+def move_on(n, seconds, block):
+    """Move lead car and stop point relative to a block's first ``n`` cars, which drove their row WAY; count endings.
+
+    ENDING says how each car's episode would end by them; AVOIDABLE is 1 where that is new and still to be judged.
+    """
+    gap_, lead_, target_, rate_ = block[at.LEAD_GAP], block[at.LEAD_SPEED], block[at.LEAD_TARGET], block[at.LEAD_RATE]
+    seen_, stop_, way_, inverse_ = block[at.LEAD_SEEN], block[at.STOP_GAP], block[at.WAY], block[at.INVERSE_MASS]
+    front_, rear_, ending_, new_ = block[at.FRONT_GRIP], block[at.REAR_GRIP], block[at.ENDING], block[at.AVOIDABLE]
+    zero, one, half = like(seconds, 0.0), like(seconds, 1.0), like(seconds, 0.5)
+    far, nowhere, beyond = like(seconds, at.FAR), like(seconds, 0.5 * at.NOWHERE), like(seconds, -TOLERANCE)
+    contact, overrun = like(seconds, CONTACT), like(seconds, STOP_PASSED)
+    count = 0
+    for i in range(n):
+        before, gap, stop, way = lead_[i], gap_[i], stop_[i], way_[i]
+        after = lead_after(before, target_[i], smaller(rate_[i], (front_[i] + rear_[i]) * inverse_[i]), seconds)
+        lead_[i] = after
+        now = select(gap < nowhere, gap + half * (before + after) * seconds - way, gap)
+        left = select(stop < far, stop - way, stop)
+        met, passed = now <= zero, left < beyond
+        gap_[i] = select(met, zero, now)
+        stop_[i] = left
+        seen_[i] = select(now < far, after, zero)
+        new_[i] = select((met & (gap > zero)) | (passed & (stop >= beyond)), one, zero)
+        ending_[i] = select(met, contact, select(passed, overrun, zero))
+        count += 1 if met | passed else 0
+    return count
 
 
 @inline
@@ -90,7 +105,7 @@ def wanted_speed(set_speed, gap, stop):
     Backwards it is negative, as the set one is; cars and stop points are those in the way.
     """
     zero, far = like(gap, 0.0), like(gap, at.FAR)
-    wanted = abs(set_speed)
+    wanted = magnitude(set_speed)
     follow = larger((gap - like(gap, STANDING_GAP)) / like(gap, TIME_GAP), zero)
     wanted = select(gap < far, smaller(wanted, follow), wanted)
     brake = sqrt(like(gap, 2.0 * BRAKING) * larger(stop, zero))

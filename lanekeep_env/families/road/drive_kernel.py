@@ -10,11 +10,11 @@ from lanekeep_env import layout as at
 from lanekeep_env.compile import helper
 from lanekeep_env.engine.episode import cars_in
 from lanekeep_env.families.road.kernel import ON_ROADS, judge_lane, report
-from lanekeep_env.physics.numeric import like, smaller
-from lanekeep_env.physics.powertrain import pull
+from lanekeep_env.physics.numeric import like, magnitude, select, smaller
+from lanekeep_env.physics.powertrain import change_gear, pull
 from lanekeep_env.tasks.avoidable import avoided
-from lanekeep_env.tasks.driving import TOLERANCE, happen, move_on, wanted_speed
-from lanekeep_env.tasks.termination import CONTACT, STOP_PASSED
+from lanekeep_env.tasks.driving import happen, move_on, wanted_speed
+from lanekeep_env.tasks.termination import CONTACT
 
 # Behind sensors, gear, floor and camera the equipment holds the powertrain's numbers and the timelines.
 _DRIVE, _TIMELINES = 4, 5
@@ -27,58 +27,49 @@ def _begin(k, cars, counters, settings, equipment):
     counted = counters[:, first:]
     for i in range(cars_in(k, cars, counters)):
         happen(i, block, counted, timelines[counted[at.TIMELINE, i]], settings)
+        change_gear(i, block, equipment[_DRIVE])
         block[at.WAY, i] = like(settings[0], 0.0)
         block[at.PULL_BEFORE, i] = block[at.PULL, i]
 
 
 @helper
 def _before_substep(k, cars, counters, settings, equipment):
-    for i in range(cars_in(k, cars, counters)):
-        pull(i, cars[k], settings, equipment[_DRIVE])
+    pull(cars_in(k, cars, counters), cars[k], settings, equipment[_DRIVE])
 
 
 @helper
-def _wanted(i, block):
-    return wanted_speed(block[at.SET_SPEED, i], block[at.LEAD_GAP, i], block[at.STOP_GAP, i])
-
-
-@helper
-def _meets(i, block, counted, road, settings, equipment):
-    """Move what is around car i; return how its episode would end by it, 0 for not."""
+def _charge_speed(n, block, settings, outcome):
+    """Add the speed error to the reward; a departure has been charged for all that follows."""
+    reward_, cost_ = outcome[at.O_REWARD], outcome[at.O_COST]
+    v_, set_, gap_, stop_ = block[at.SPEED], block[at.SET_SPEED], block[at.LEAD_GAP], block[at.STOP_GAP]
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
-    zero, beyond = like(seconds, 0.0), like(seconds, -TOLERANCE)
-    gap, stop = block[at.LEAD_GAP, i], block[at.STOP_GAP, i]
-    move_on(i, block[at.WAY, i], seconds, block)
-    met, passed = block[at.LEAD_GAP, i] <= zero, block[at.STOP_GAP, i] < beyond
-    block[at.AVOIDABLE, i] = zero
-    if (met and gap > zero) or (passed and stop >= beyond):
-        row = at.LEAD_SIGHT if met and gap > zero else at.STOP_SIGHT
-        timeline = equipment[_TIMELINES][counted[at.TIMELINE, i]]
-        block[at.AVOIDABLE, i] = avoided(i, row, block, timeline, road, settings, equipment[_DRIVE])
-    block[at.LEAD_GAP, i] = zero if met else block[at.LEAD_GAP, i]
-    end = like(seconds, CONTACT if met else (STOP_PASSED if passed else 0.0))
-    block[at.FAILED, i] = end if end > zero else block[at.FAILED, i]
-    return end
+    most, reference, zero = settings[at.COST_CAP] * seconds, settings[at.SPEED_REFERENCE], like(seconds, 0.0)
+    for i in range(n):
+        error = (v_[i] - wanted_speed(set_[i], gap_[i], stop_[i])) / reference
+        both = -smaller(error * error * seconds - reward_[i], most)
+        reward_[i] = select(cost_[i] == zero, both, reward_[i])
 
 
 @helper
-def _judge_drive(n, block, counted, road, settings, equipment, outcome):
-    """Add the speed error to the reward; a car ahead that is met and a stop point that is passed end the episode."""
+def _end(n, block, counted, road, settings, equipment, outcome):
+    """Let a car ahead that is met, or a stop point that is passed, end the episode, and say if it was avoidable."""
     reward_, terminated_, cost_ = outcome[at.O_REWARD], outcome[at.O_TERMINATED], outcome[at.O_COST]
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
-    cap, horizon, reference = settings[at.COST_CAP], settings[at.HORIZON], settings[at.SPEED_REFERENCE]
+    worst, horizon = settings[at.COST_CAP] * seconds, settings[at.HORIZON]
     ends = settings[at.DEPARTURE] == at.TERMINATE
     zero, one = like(seconds, 0.0), like(seconds, 1.0)
     for i in range(n):
-        end = _meets(i, block, counted, road, settings, equipment)
-        error = (block[at.SPEED, i] - _wanted(i, block)) / reference
-        if cost_[i] == zero:  # a departure has been charged for all that follows
-            reward_[i] = -smaller(error * error * seconds - reward_[i], cap * seconds)
+        end = block[at.ENDING, i]
         if end > zero:
-            cost_[i] = one
+            if block[at.AVOIDABLE, i] > zero:
+                row = at.LEAD_SIGHT if end == like(seconds, CONTACT) else at.STOP_SIGHT
+                timeline = equipment[_TIMELINES][counted[at.TIMELINE, i]]
+                block[at.AVOIDABLE, i] = avoided(i, row, block, timeline, road, settings, equipment[_DRIVE])
+            block[at.FAILED, i] = end
             block[at.DEPARTED, i] = one
+            cost_[i] = one
             left = horizon - block[at.STEP, i]
-            reward_[i] = -cap * seconds * (one + (left if left > zero else zero) if ends else one)
+            reward_[i] = -worst * (one + (left if left > zero else zero) if ends else one)
             terminated_[i] = end if ends else zero
 
 
@@ -86,9 +77,12 @@ def _judge_drive(n, block, counted, road, settings, equipment, outcome):
 def _judge(k, cars, counters, world, settings, equipment, outcome):
     first = k * cars.shape[2]
     n = cars_in(k, cars, counters)
-    told = outcome[:, first : first + n]
-    judge_lane(n, cars[k], settings, told)
-    _judge_drive(n, cars[k], counters[:, first:], world[0], settings, equipment, told)
+    block, told = cars[k], outcome[:, first : first + n]
+    judge_lane(n, block, settings, told)
+    endings = move_on(n, settings[at.STEP_TIME] * settings[at.SUBSTEPS], block)
+    _charge_speed(n, block, settings, told)
+    if endings > 0:
+        _end(n, block, counters[:, first:], world[0], settings, equipment, told)
 
 
 @helper
@@ -96,17 +90,22 @@ def _report(k, first, last, cars, settings, outcome):
     """Copy the truth that a state decides, with gaps, errors and jerk."""
     report(k, first, last, cars, settings, outcome)
     block, told = cars[k], outcome[:, k * cars.shape[2] :]
+    gap_, lead_, stop_, v_ = block[at.LEAD_GAP], block[at.LEAD_SPEED], block[at.STOP_GAP], block[at.SPEED]
+    pull_, before_, avoidable_, set_ = block[at.PULL], block[at.PULL_BEFORE], block[at.AVOIDABLE], block[at.SET_SPEED]
+    gaps, times, stops = told[at.O_LEAD_GAP], told[at.O_TIME_TO_COLLISION], told[at.O_STOP_ERROR]
+    errors, jerks, avoidables = told[at.O_SPEED_ERROR], told[at.O_JERK], told[at.O_AVOIDABLE]
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
-    none = like(seconds, np.inf)
+    none, zero, one = like(seconds, np.inf), like(seconds, 0.0), like(seconds, 1.0)
     for i in range(first, last):
-        gap, stop, v = block[at.LEAD_GAP, i], block[at.STOP_GAP, i], block[at.SPEED, i]
-        there, closing = gap < like(gap, 0.5 * at.NOWHERE), abs(v) - block[at.LEAD_SPEED, i]
-        told[at.O_LEAD_GAP, i] = gap if there else none
-        told[at.O_TIME_TO_COLLISION, i] = gap / closing if there and closing > like(gap, 0.0) else none
-        told[at.O_STOP_ERROR, i] = stop if stop < like(gap, at.FAR) else none
-        told[at.O_SPEED_ERROR, i] = v - _wanted(i, block)
-        told[at.O_JERK, i] = (block[at.PULL, i] - block[at.PULL_BEFORE, i]) / seconds
-        told[at.O_AVOIDABLE, i] = block[at.AVOIDABLE, i]
+        gap, closing = gap_[i], magnitude(v_[i]) - lead_[i]
+        there = gap < like(gap, 0.5 * at.NOWHERE)
+        meets = there & (closing > zero)
+        gaps[i] = select(there, gap, none)
+        times[i] = select(meets, gap / select(meets, closing, one), none)
+        stops[i] = select(stop_[i] < like(gap, at.FAR), stop_[i], none)
+        errors[i] = v_[i] - wanted_speed(set_[i], gap, stop_[i])
+        jerks[i] = (pull_[i] - before_[i]) / seconds
+        avoidables[i] = avoidable_[i]
 
 
 DRIVING = replace(

@@ -10,7 +10,7 @@ from lanekeep_env.engine.episode import DRAW_HEADING, DRAW_LATERAL, DRAW_PLACE, 
 from lanekeep_env.families.road.segments import load_segment
 from lanekeep_env.physics.integrate import LARGEST_SIDESLIP, LARGEST_SPEED
 from lanekeep_env.physics.numeric import clip, like
-from lanekeep_env.physics.powertrain import choose_gear
+from lanekeep_env.physics.powertrain import choose_gear, engage
 from lanekeep_env.randomness import derive, uniform
 from lanekeep_env.tasks.driving import happen, sight
 from lanekeep_env.tasks.lane_keeping import steady_turning
@@ -138,7 +138,7 @@ def start_drive(i, key, block, counted, settings, drive, timelines):
         happen(i, block, counted, timelines[which], settings)
         block[at.LEAD_SEEN, i] = block[at.LEAD_SPEED, i]
         backwards = block[at.SET_SPEED, i] < 0.0
-        block[at.GEAR, i] = -1 if backwards else choose_gear(block[at.SET_SPEED, i], drive)
+        engage(i, np.int64(-1) if backwards else choose_gear(block[at.SET_SPEED, i], drive), block, drive)
 
 
 @helper
