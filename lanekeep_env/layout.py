@@ -128,7 +128,8 @@ AVOIDABLE = 103  # 1 where full braking in time had avoided the contact or overr
 FAILED = 104  # code of `Termination` of the last contact or overrun of this episode, 0 for none
 RATIO = 105  # engine over wheel's way in the gear engaged, rad/m
 ENDING = 106  # code of `Termination` of the contact or overrun of this step, 0 for none
-CAR_ROWS = 107  # further rows, as many as needed: commands (newest first), then the sensors' rows
+EVENT_STEP = 107  # control step at which the timeline's next event is due
+CAR_ROWS = 108  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the car (a uint64, reinterpreted)

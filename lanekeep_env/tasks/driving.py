@@ -17,8 +17,9 @@ TOLERANCE = 0.05
 
 @helper
 def happen(i, block, counted, timeline, settings):
-    """Let the events of a timeline happen whose time has come in car i."""
-    time = np.float64(block[at.STEP, i]) * np.float64(settings[at.STEP_TIME]) * np.float64(settings[at.SUBSTEPS])
+    """Let the events of a timeline happen whose time has come in car i; note at which control step the next is due."""
+    step = np.float64(settings[at.STEP_TIME]) * np.float64(settings[at.SUBSTEPS])
+    time = np.float64(block[at.STEP, i]) * step
     time += 1e-6 + 1e-7 * time  # a single-precision step time is that much off
     event = np.int64(block[at.EVENT, i])
     while event < timeline.shape[0] and timeline[event, at.E_TIME] <= time:
@@ -42,6 +43,8 @@ def happen(i, block, counted, timeline, settings):
             block[at.STOP_GAP, i] = at.FAR
         event += 1
     block[at.EVENT, i] = event
+    following = timeline[event, at.E_TIME] if event < timeline.shape[0] else np.inf
+    block[at.EVENT_STEP, i] = (following - 1e-6) / (1.0 + 1e-7) / step - 1e-3
 
 
 @inline

@@ -26,7 +26,8 @@ def _begin(k, cars, counters, settings, equipment):
     timelines, first, block = equipment[_TIMELINES], k * cars.shape[2], cars[k]
     counted = counters[:, first:]
     for i in range(cars_in(k, cars, counters)):
-        happen(i, block, counted, timelines[counted[at.TIMELINE, i]], settings)
+        if block[at.STEP, i] >= block[at.EVENT_STEP, i]:
+            happen(i, block, counted, timelines[counted[at.TIMELINE, i]], settings)
         change_gear(i, block, equipment[_DRIVE])
         block[at.WAY, i] = like(settings[0], 0.0)
         block[at.PULL_BEFORE, i] = block[at.PULL, i]
