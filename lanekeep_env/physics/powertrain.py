@@ -112,7 +112,7 @@ def change_gear(i, block, drive):
             following = np.int64(-1 if way > zero else 0)
         elif gear > 0:
             following = np.int64(0)
-    elif gear >= 0 and rest <= drive[at.D_SETTLE_TIME] - drive[at.D_HOLD_TIME]:
+    elif gear >= 0 and rest <= drive[at.D_SETTLE] - drive[at.D_HOLD]:
         throttle = block[at.THROTTLE, i]
         if gear > 0 and (rest == zero or last < zero):
             following -= wants_down(v, gear, throttle, drive)
@@ -122,7 +122,7 @@ def change_gear(i, block, drive):
             following += wants_up(v, gear, throttle, way * block[at.PULL, i], margin, block[at.INVERSE_MASS, i], drive)
     if following != gear:
         block[at.SHIFTED, i] = one if following > gear else -one
-        block[at.SHIFT, i] = drive[at.D_SETTLE_TIME]
+        block[at.SHIFT, i] = drive[at.D_SETTLE]
         engage(i, following, block, drive)
 
 
@@ -161,7 +161,7 @@ def pull(n, block, settings, drive):
     circular, share = circle > zero, drive[at.D_PEDAL_SHARE]
     most = circle if circular else one
     idle, efficiency, brakes = drive[at.D_IDLE], drive[at.D_EFFICIENCY], drive[at.D_BRAKE]
-    without = drive[at.D_SETTLE_TIME] - drive[at.D_SHIFT_TIME]
+    without = drive[at.D_SETTLE] - drive[at.D_WITHOUT]
     # A car that stops within the sub-step stands at its end, whatever rounding leaves of it.
     stopping = -like(h, 1.0 + 1e-6) / h
     for i in range(n):
@@ -174,7 +174,7 @@ def pull(n, block, settings, drive):
         # On the slipping converter a closed throttle does not drag: the car creeps.
         torque = select(v * ratio < idle, larger(torque, zero), torque)
         drives = select(shift_[i] > without, zero, torque * ratio * efficiency * inverse)
-        shift_[i] = larger(shift_[i] - h, zero)
+        shift_[i] = larger(shift_[i] - one, zero)
         # Engine and brake together get no more out of the tyres than their friction, in either direction.
         grip = (front_grip_[i] + rear_grip_[i]) * inverse
         drives = clip(drives + creep(v, drive) - brake * brakes, -most * grip, most * grip)

@@ -166,9 +166,9 @@ class Powertrain:
             self.kick_down,
             self.reserve,
             self.rev_limit,
-            self.shift_time,
-            self.hold_time,
-            self.settle_time,
+            round(self.shift_time / step),
+            round(self.hold_time / step),
+            round(self.settle_time / step),
             self.reverse * self.final_drive / self.wheel_radius,
             len(self.gears),
         )

@@ -29,8 +29,9 @@ LONGEST = 1e6
 #: Events of one timeline, and bytes of the kernel's table of all of them.
 MOST_EVENTS = 10_000
 LARGEST_TABLE = 64 << 20
-#: Seconds from one random event to the next at the least, but for a last one that is the end of another; bytes of one.
-_SOONEST, _EVENT_SIZE = 3.0, 32
+#: Seconds for a random event at the least, in the mean: a car ahead takes 14 s for three; further ones in a timeline,
+#: its first one and those that end others behind its end; bytes of one.
+_SOONEST, _FURTHER, _EVENT_SIZE = 14.0 / 3.0, 3, 32
 Event = tuple[float, str, tuple[float, ...]]
 
 
@@ -72,7 +73,7 @@ class Traffic:
         if self.events and (self.events[0][0] != 0.0 or self.events[0][1] != "speed"):
             raise ValueError('traffic.events must begin with (0.0, "speed", m/s)')
         require("traffic.count", self.count, "timelines", at_least=1, at_most=100_000, whole=True)
-        longest = min(LONGEST, (LARGEST_TABLE // _EVENT_SIZE // int(self.count) - 2) * _SOONEST)
+        longest = min(LONGEST, (LARGEST_TABLE // _EVENT_SIZE // int(self.count) - _FURTHER) * _SOONEST)
         require("traffic.duration", self.duration, f"s for {int(self.count)} timelines", above=0.0, at_most=longest)
         require("traffic.largest_speed", self.largest_speed, "m/s", at_least=5.0, at_most=30.0)
         require("traffic.hazards", self.hazards, "", at_least=0.0, at_most=1.0)
@@ -103,7 +104,7 @@ class Traffic:
         else:
             rng = np.random.default_rng([self.seed, 0x7AFF])
             timelines = (self._random(rng) for _ in range(self.count))
-            count, most = self.count, int(self.duration / _SOONEST) + 2
+            count, most = self.count, int(self.duration / _SOONEST) + _FURTHER
         table = np.full((count, most, 4), np.inf)
         for timeline, events in zip(table, timelines, strict=True):
             timeline[: len(events)] = [
@@ -140,7 +141,7 @@ def _lead(rng: np.random.Generator, events: list[Event], time: float, speed: flo
     """Add a slower car that drives as it likes and turns off; return when it does."""
     ahead = float(rng.uniform(0.4, 0.9) * speed)
     # Far enough that 3 m/s² are not needed to fall in behind it.
-    gap, rate = 10.0 + 1.5 * speed + (speed - ahead) ** 2 / 3.0, float(rng.uniform(0.3, 1.5))
+    gap, rate = 10.0 + 1.5 * speed + (speed - ahead) ** 2 / 3.0, float(rng.uniform(0.3, 1.0))
     then = float(rng.uniform(0.3, 1.2) * ahead)
     if hazard and rng.random() < 0.5:
         gap = float(rng.uniform(0.2, 1.2) * speed) + 1.0
