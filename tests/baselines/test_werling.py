@@ -85,9 +85,9 @@ def test_figure_10_is_driven_with_pedals_and_gears() -> None:
     stands = time[np.argmax((time > 38.0) & (v < 1e-6))]
     assert stands == pytest.approx(45.0, abs=0.4)
     assert abs(run["stop_gap"][-1]) < 0.02 and v[-1] < 1e-6
-    # The last three seconds, with the change into the first gear.
-    last = (time > 42.0) & (time < 46.0)
-    assert run["gear"][time < 42.0][-1] == 1.0 and run["gear"][-1] == 0.0
+    # The last seconds, with the change into the first gear.
+    last = (time > 41.5) & (time < 46.0)
+    assert run["gear"][time < 41.5][-1] == 1.0 and run["gear"][-1] == 0.0
     smooth = np.convolve(run["acceleration"], np.full(10, 0.1), "same")
     assert np.abs(np.gradient(smooth, 0.02)[last]).max() < 2.5
 
