@@ -1,4 +1,4 @@
-"""What is judged in traffic: stop points that are passed, cars ahead as they drive, and what could have been avoided."""
+"""What is judged in traffic: stop points that are passed, cars ahead as they drive, what could have been avoided."""
 
 import math
 
@@ -74,7 +74,7 @@ def test_the_car_ahead_drives_its_own_way_and_is_seen_truly_to_two_hundred_metre
     assert (observation[gap_of], info["lead_gap"], info["time_to_collision"]) == (150.0, 150.0, math.inf)
     own, gap, lead, unseen = 10.0, 150.0, 20.0, 0
     for k in range(1400):
-        observation, *_, info = env.step(np.array([0.0, 0.1], np.float32))
+        observation, *_, info = env.step(np.array([0.0, 0.5], np.float32))
         t, dt = 0.02 * k + 1e-9, 0.02
         goal, rate = (20.0, 0.0) if t < 1.0 else (26.0, 2.0) if t < 8.0 else (5.0, 6.0)
         after = lead + np.clip(goal - lead, -rate * dt, rate * dt)
@@ -104,13 +104,13 @@ def driven(brakes, seeds, steps=1250, **keywords):
     n = len(seeds)
     env = gym.make_vec(
         DRIVE, n, "vector_entry_point", autoreset_mode="disabled", traffic=HAZARDS, slope=(-0.0997, 0.0997),
-        wind=(-15.0, 15.0), lane_width=1000.0, episode_steps=steps, **{"road": "straight", **keywords},
+        wind=(-15.0, 15.0), episode_steps=steps, **{"road": "straight", "lane_width": 1000.0, **keywords},
     )  # fmt: skip
     env.reset(seed=list(seeds), options=START)
     core, found, avoidable, event = env.unwrapped._core, np.zeros(n, int), np.zeros(n), np.zeros(n, int)
     alive = np.ones(n, bool)
     for k in range(steps):
-        action = np.zeros((n, 2), np.float32)
+        action = np.full((n, 2), keywords.get("lane_width", 0.0) and math.atan(CAR.wheelbase / 150.0) / 0.5, np.float32)
         action[:, 1] = np.where(0.02 * k >= brakes - 1e-6, -1.0, 0.15)
         *_, ended, over, info = env.step(action)
         new = alive & ended
@@ -124,7 +124,13 @@ def driven(brakes, seeds, steps=1250, **keywords):
 
 
 @pytest.mark.parametrize(
-    "keywords", [{}, {"friction": 0.3}, {"friction_circle": False}, {"road": {"kind": "circle", "radius": 80.0}}]
+    "keywords",
+    [
+        {},
+        {"friction": 0.3},
+        {"friction_circle": False},
+        {"road": {"kind": "circle", "radius": 150.0}, "friction": 0.7, "lane_width": 200.0},
+    ],
 )
 def test_what_is_called_avoidable_is_what_braking_from_the_first_observation_avoids(keywords):
     """Everyone who failed drives once more, and brakes fully from the first observation on that shows what was met."""
@@ -197,7 +203,7 @@ def test_the_car_ahead_the_stop_line_and_the_failure_are_drawn(monkeypatch):
         env.reset(seed=0, options={**START, "arc_length": 500.0, "road_index": 0})
         frames[name] = env.render().astype(int)
     shown = {name: np.abs(frame - frames["alone"]).sum(axis=2) > 60 for name, frame in frames.items()}
-    assert shown["lead"].sum() > 200 and shown["stop"].sum() > 100
+    assert shown["lead"].sum() > 200 and shown["stop"].sum() > 50
     env = make([(0, "speed", 10), (0, "stop", 1)], render_mode="rgb_array")
     env.reset(seed=0, options=START)
     terminated = False
