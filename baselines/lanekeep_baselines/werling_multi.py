@@ -106,7 +106,8 @@ class WerlingDrive(WerlingLateralAhead):
         stop = np.where(at["stop_gap"] >= self._far, np.inf, at["stop_gap"])
         set_speed = np.maximum(way * at["set_speed"], 0.0)
         wanted, laws = self._laws.step(v, set_speed, gap, at["lead_speed"] - v, stop, memory[:, :split], fresh)
-        state, (before, last, held) = memory[:, split : split + 1], memory[:, split + 1 :].T
+        # Slope and wind are kept as they are forwards: backwards they push the other way.
+        state, (before, last, held) = way[:, None] * memory[:, split : split + 1], memory[:, split + 1 :].T
         asked = self._integrator.asked(wanted, state, fresh)
         gear = np.clip(np.rint(at["gear"]), -1, len(self._train.gears) - 1).astype(np.intp)
         found = self._pedals(v, asked, gear)
@@ -123,7 +124,7 @@ class WerlingDrive(WerlingLateralAhead):
         share = 1.0 - np.exp(-self._step / lag) if lag > 0.0 else 1.0
         given = np.where(standing, -self._train.brake * self.holding, found.expected + found.resistance)
         before = before + share * (given - before)
-        return pedal, np.concatenate([laws, state, np.stack([before, gear, held], axis=1)], axis=1)
+        return pedal, np.concatenate([laws, way[:, None] * state, np.stack([before, gear, held], axis=1)], axis=1)
 
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
