@@ -363,13 +363,16 @@ O_KERB_DISTANCE = 18
 COURSE_OUTCOME_ROWS = 19
 
 # With a powertrain, behind OUTCOME_ROWS:
-O_LEAD_GAP = 11  # m; inf without a car ahead
+O_GAP = 11  # to the car ahead, m; inf without one
 O_TIME_TO_COLLISION = 12  # s, at present speeds; inf where it does not come nearer
-O_STOP_ERROR = 13  # way left to the stop point, m; inf without one
+O_STOP_ERROR = 13  # of a car that stands at a stop point, or is beyond it: way left, m
 O_SPEED_ERROR = 14  # against the wanted speed, m/s
 O_JERK = 15  # m/s³, over the control step
-O_AVOIDABLE = 16  # 1 where full braking in time had avoided the contact or overrun of this step
-DRIVE_OUTCOME_ROWS = 17
+O_CONTACT = 16  # 1 where the car meets the one ahead ...
+O_AVOIDABLE_CONTACT = 17  # ... and full braking in time had avoided that, in the step in which it does
+O_OVERRUN = 18  # 1 beyond a stop point ...
+O_AVOIDABLE_OVERRUN = 19
+DRIVE_OUTCOME_ROWS = 20
 
 # start: (rows, n) float64; NaN means drawn by the episode's key
 START_ROWS = 4  # lateral error, heading error, arc length, road index

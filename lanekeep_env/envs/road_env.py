@@ -46,12 +46,15 @@ class Driving(OnRoads):
     """What environments with a powertrain share."""
 
     further: ClassVar[tuple[tuple[str, int], ...]] = (
-        ("lead_gap", at.O_LEAD_GAP),
+        ("gap", at.O_GAP),
         ("time_to_collision", at.O_TIME_TO_COLLISION),
         ("stop_error", at.O_STOP_ERROR),
         ("speed_error", at.O_SPEED_ERROR),
         ("jerk", at.O_JERK),
-        ("avoidable", at.O_AVOIDABLE),
+        ("contact", at.O_CONTACT),
+        ("avoidable_contact", at.O_AVOIDABLE_CONTACT),
+        ("overrun", at.O_OVERRUN),
+        ("avoidable_overrun", at.O_AVOIDABLE_OVERRUN),
     )
 
     @staticmethod

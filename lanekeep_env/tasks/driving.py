@@ -13,6 +13,8 @@ from lanekeep_env.tasks.termination import CONTACT, STOP_PASSED
 STANDING_GAP, TIME_GAP, BRAKING = 4.0, 1.5, 1.7
 #: A stop point is passed when the car is farther beyond it, m.
 TOLERANCE = 0.05
+#: A car that stands nearer than this to a stop point stopped for it, m.
+AT_THE_STOP = 5.0
 
 
 @helper

@@ -37,7 +37,7 @@ def test_constant_throttle_past_a_stop_point_fails_in_reward_and_info(dtype):
     assert info["termination"] == Termination.STOP_PASSED
     assert before >= -0.05 > info["stop_error"] > -0.4
     assert reward == pytest.approx(-16.0 * 0.02 * (3000 - steps + 1), rel=1e-6)
-    assert info["avoidable"] == 0.0  # from 15 m/s in 5 m
+    assert info["overrun"] == 1.0 and info["avoidable_overrun"] == 0.0  # from 15 m/s in 5 m
 
 
 @pytest.mark.parametrize(("departure", "ends"), [("terminate", True), ("cost", False), ("off", False)])
@@ -71,7 +71,7 @@ def test_the_car_ahead_drives_its_own_way_and_is_seen_truly_to_two_hundred_metre
     names = [c.name for c in env.unwrapped.channels]
     gap_of, lead_of = names.index("lead_gap"), names.index("lead_speed")
     observation, info = env.reset(seed=0, options=START)
-    assert (observation[gap_of], info["lead_gap"], info["time_to_collision"]) == (150.0, 150.0, math.inf)
+    assert (observation[gap_of], info["gap"], info["time_to_collision"]) == (150.0, 150.0, math.inf)
     own, gap, lead, unseen = 10.0, 150.0, 20.0, 0
     for k in range(1400):
         observation, *_, info = env.step(np.array([0.0, 0.5], np.float32))
@@ -82,7 +82,7 @@ def test_the_car_ahead_drives_its_own_way_and_is_seen_truly_to_two_hundred_metre
         own, lead = info["speed"], after
         if gap <= 0.0:
             break
-        assert info["lead_gap"] == pytest.approx(gap, abs=2e-3)
+        assert info["gap"] == pytest.approx(gap, abs=2e-3)
         assert observation[gap_of] == pytest.approx(min(gap, 200.0), abs=2e-3)
         assert observation[lead_of] == pytest.approx(lead if gap < 200.0 else 0.0, abs=1e-4)
         unseen += gap > 200.0
@@ -114,7 +114,10 @@ def driven(brakes, seeds, steps=1250, **keywords):
         action[:, 1] = np.where(0.02 * k >= brakes - 1e-6, -1.0, 0.15)
         *_, ended, over, info = env.step(action)
         new = alive & ended
-        found[new], avoidable[new] = info["termination"][new], info["avoidable"][new]
+        found[new], avoidable[new] = (
+            info["termination"][new],
+            (info["avoidable_contact"] + info["avoidable_overrun"])[new],
+        )
         for code, first in ((Termination.CONTACT, at.LEAD_SIGHT), (Termination.STOP_PASSED, at.STOP_SIGHT)):
             rows = new & (info["termination"] == code)
             event[rows] = core.cars[:, first + at.SIGHT_EVENT].reshape(-1)[:n][rows]

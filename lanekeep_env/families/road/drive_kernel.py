@@ -13,8 +13,8 @@ from lanekeep_env.families.road.kernel import ON_ROADS, judge_lane, report
 from lanekeep_env.physics.numeric import like, magnitude, select, smaller
 from lanekeep_env.physics.powertrain import change_gear, pull
 from lanekeep_env.tasks.avoidable import avoided
-from lanekeep_env.tasks.driving import happen, move_on, wanted_speed
-from lanekeep_env.tasks.termination import CONTACT
+from lanekeep_env.tasks.driving import AT_THE_STOP, happen, move_on, wanted_speed
+from lanekeep_env.tasks.termination import CONTACT, STOP_PASSED
 
 # Behind sensors, gear, floor and camera the equipment holds the powertrain's numbers and the timelines.
 _DRIVE, _TIMELINES = 4, 5
@@ -92,21 +92,32 @@ def _report(k, first, last, cars, settings, outcome):
     report(k, first, last, cars, settings, outcome)
     block, told = cars[k], outcome[:, k * cars.shape[2] :]
     gap_, lead_, stop_, v_ = block[at.LEAD_GAP], block[at.LEAD_SPEED], block[at.STOP_GAP], block[at.SPEED]
-    pull_, before_, avoidable_, set_ = block[at.PULL], block[at.PULL_BEFORE], block[at.AVOIDABLE], block[at.SET_SPEED]
-    gaps, times, stops = told[at.O_LEAD_GAP], told[at.O_TIME_TO_COLLISION], told[at.O_STOP_ERROR]
-    errors, jerks, avoidables = told[at.O_SPEED_ERROR], told[at.O_JERK], told[at.O_AVOIDABLE]
+    pull_, before_, set_ = block[at.PULL], block[at.PULL_BEFORE], block[at.SET_SPEED]
+    ending_, avoidable_ = block[at.ENDING], block[at.AVOIDABLE]
+    gaps, times, stops = told[at.O_GAP], told[at.O_TIME_TO_COLLISION], told[at.O_STOP_ERROR]
+    errors, jerks, contacts, overruns = (
+        told[at.O_SPEED_ERROR],
+        told[at.O_JERK],
+        told[at.O_CONTACT],
+        told[at.O_OVERRUN],
+    )
+    met, passed = told[at.O_AVOIDABLE_CONTACT], told[at.O_AVOIDABLE_OVERRUN]
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     none, zero, one = like(seconds, np.inf), like(seconds, 0.0), like(seconds, 1.0)
+    contact, overrun, near = like(seconds, CONTACT), like(seconds, STOP_PASSED), like(seconds, AT_THE_STOP)
     for i in range(first, last):
-        gap, closing = gap_[i], magnitude(v_[i]) - lead_[i]
-        there = gap < like(gap, 0.5 * at.NOWHERE)
-        meets = there & (closing > zero)
+        gap, stop, speed, ending = gap_[i], stop_[i], magnitude(v_[i]), ending_[i]
+        there, closing = gap < like(gap, 0.5 * at.NOWHERE), speed - lead_[i]
+        comes = there & (closing > zero)
         gaps[i] = select(there, gap, none)
-        times[i] = select(meets, gap / select(meets, closing, one), none)
-        stops[i] = select(stop_[i] < like(gap, at.FAR), stop_[i], none)
-        errors[i] = v_[i] - wanted_speed(set_[i], gap, stop_[i])
+        times[i] = select(comes, gap / select(comes, closing, one), none)
+        stops[i] = select((stop < zero) | ((stop < near) & (speed == zero)), stop, zero)
+        errors[i] = v_[i] - wanted_speed(set_[i], gap, stop)
         jerks[i] = (pull_[i] - before_[i]) / seconds
-        avoidables[i] = avoidable_[i]
+        contacts[i] = select(ending == contact, one, zero)
+        overruns[i] = select(ending == overrun, one, zero)
+        met[i] = select(ending == contact, avoidable_[i], zero)
+        passed[i] = select(ending == overrun, avoidable_[i], zero)
 
 
 DRIVING = replace(

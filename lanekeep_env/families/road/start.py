@@ -20,7 +20,17 @@ DRAW_TIMELINE, DRAW_SLOPE, DRAW_WIND = np.int64(80), np.int64(81), np.int64(82)
 #: What such a car starts without.
 _AT_REST = (
     *(at.PULL, at.PULL_BEFORE, at.PEDAL, at.THROTTLE, at.BRAKE, at.SHIFT, at.SHIFTED, at.WAY),
-    *(at.EVENT, at.AVOIDABLE, at.FAILED, at.SET_SPEED, at.LEAD_SPEED, at.LEAD_TARGET, at.LEAD_RATE, at.LEAD_SEEN),
+    *(
+        at.EVENT,
+        at.AVOIDABLE,
+        at.ENDING,
+        at.FAILED,
+        at.SET_SPEED,
+        at.LEAD_SPEED,
+        at.LEAD_TARGET,
+        at.LEAD_RATE,
+        at.LEAD_SEEN,
+    ),
     *range(at.LEAD_SIGHT, at.LEAD_SIGHT + 2 * at.SIGHT_SIZE),
 )
 
