@@ -45,8 +45,8 @@ class DriveEnv(PoweredEnv):
     ## Rewards
 
     As `lanekeep/LaneKeep-v0`, and the squared speed error over 2 m/s against the least of the set speed, a time gap of
-    1.5 s behind 4 m to the car ahead, and what brakes with 1.7 m/s² to the stop point. Meeting the car ahead and passing
-    a stop point, by more than 5 cm, cost the cap for the rest of `episode_steps`, as leaving the lane does.
+    1.5 s behind 4 m to the car ahead, and what brakes with 1.7 m/s² to the stop point. Meeting the car ahead and
+    passing a stop point, by more than 5 cm, cost the cap for the rest of `episode_steps`, as leaving the lane does.
 
     ## Starting State
 
