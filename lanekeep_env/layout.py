@@ -129,7 +129,10 @@ FAILED = 104  # code of `Termination` of the last contact or overrun of this epi
 RATIO = 105  # engine over wheel's way in the gear engaged, rad/m
 ENDING = 106  # code of `Termination` of the contact or overrun of this step, 0 for none
 EVENT_STEP = 107  # control step at which the timeline's next event is due
-CAR_ROWS = 108  # further rows, as many as needed: commands (newest first), then the sensors' rows
+UP_FROM = 108  # speed from which on a gear change up may be due, m/s
+DOWN_BELOW = 109  # speed below which one down may be due without kick-down, m/s
+DUE = 110  # 1 where an event or a gear change may be due at the start of the control step
+CAR_ROWS = 111  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the car (a uint64, reinterpreted)

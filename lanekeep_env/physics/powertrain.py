@@ -128,9 +128,25 @@ def change_gear(i, block, drive):
 
 @inline
 def engage(i, gear, block, drive):
-    """Engage a gear in car i, -1 for reverse."""
+    """Engage a gear in car i, -1 for reverse, and note the speeds at which another one may be due."""
     block[at.GEAR, i] = gear
     block[at.RATIO, i] = drive[at.D_REVERSE] if gear < 0 else drive[at.D_RATIOS + gear]
+    highest = gear < 0 or gear + 1 == np.int64(drive[at.D_GEARS])
+    block[at.UP_FROM, i] = np.inf if highest else drive[at.D_UP] / drive[at.D_RATIOS + gear]
+    slowest = drive[at.D_DOWN] + drive[at.D_DOWN_THROTTLE]
+    block[at.DOWN_BELOW, i] = slowest / drive[at.D_RATIOS + gear - 1] if gear > 0 else 0.0
+
+
+@helper
+def find_due(n, block, drive):
+    """Mark in the row DUE the first ``n`` cars of a block for which an event or a gear change may be due."""
+    v_, up_, down_, throttle_ = block[at.SPEED], block[at.UP_FROM], block[at.DOWN_BELOW], block[at.THROTTLE]
+    step_, event_, due_ = block[at.STEP], block[at.EVENT_STEP], block[at.DUE]
+    zero, one, kick, stands = like(drive[0], 0.0), like(drive[0], 1.0), drive[at.D_KICK], like(drive[0], STANDS)
+    for i in range(n):
+        v = magnitude(v_[i])
+        changes = (v >= up_[i]) | (v <= down_[i]) | (v < stands) | (throttle_[i] > kick)
+        due_[i] = select(changes | (step_[i] >= event_[i]), one, zero)
 
 
 @helper

@@ -11,7 +11,7 @@ from lanekeep_env.compile import helper
 from lanekeep_env.engine.episode import cars_in
 from lanekeep_env.families.road.kernel import ON_ROADS, judge_lane, report
 from lanekeep_env.physics.numeric import like, magnitude, select, smaller
-from lanekeep_env.physics.powertrain import change_gear, pull
+from lanekeep_env.physics.powertrain import change_gear, find_due, pull
 from lanekeep_env.tasks.avoidable import avoided
 from lanekeep_env.tasks.driving import AT_THE_STOP, happen, move_on, wanted_speed
 from lanekeep_env.tasks.termination import CONTACT, STOP_PASSED
@@ -24,13 +24,17 @@ _DRIVE, _TIMELINES = 4, 5
 def _begin(k, cars, counters, settings, equipment):
     """What a control step begins with: the events that are due, no way driven."""
     timelines, first, block = equipment[_TIMELINES], k * cars.shape[2], cars[k]
-    counted = counters[:, first:]
-    for i in range(cars_in(k, cars, counters)):
-        if block[at.STEP, i] >= block[at.EVENT_STEP, i]:
-            happen(i, block, counted, timelines[counted[at.TIMELINE, i]], settings)
-        change_gear(i, block, equipment[_DRIVE])
-        block[at.WAY, i] = like(settings[0], 0.0)
-        block[at.PULL_BEFORE, i] = block[at.PULL, i]
+    counted, n = counters[:, first:], cars_in(k, cars, counters)
+    find_due(n, block, equipment[_DRIVE])
+    due_, way_, pull_, before_ = block[at.DUE], block[at.WAY], block[at.PULL], block[at.PULL_BEFORE]
+    for i in range(n):
+        if due_[i] > like(due_[i], 0.0):
+            if block[at.STEP, i] >= block[at.EVENT_STEP, i]:
+                happen(i, block, counted, timelines[counted[at.TIMELINE, i]], settings)
+            change_gear(i, block, equipment[_DRIVE])
+    for i in range(n):
+        way_[i] = like(way_[i], 0.0)
+        before_[i] = pull_[i]
 
 
 @helper
@@ -39,7 +43,7 @@ def _before_substep(k, cars, counters, settings, equipment):
 
 
 @helper
-def _charge_speed(n, block, settings, outcome):
+def _charge_speed(n, begin, block, settings, outcome):
     """Add the speed error to the reward; a departure has been charged for all that follows."""
     reward_, cost_ = outcome[at.O_REWARD], outcome[at.O_COST]
     v_, set_, gap_, stop_ = block[at.SPEED], block[at.SET_SPEED], block[at.LEAD_GAP], block[at.STOP_GAP]
@@ -47,8 +51,9 @@ def _charge_speed(n, block, settings, outcome):
     most, reference, zero = settings[at.COST_CAP] * seconds, settings[at.SPEED_REFERENCE], like(seconds, 0.0)
     for i in range(n):
         error = (v_[i] - wanted_speed(set_[i], gap_[i], stop_[i])) / reference
-        both = -smaller(error * error * seconds - reward_[i], most)
-        reward_[i] = select(cost_[i] == zero, both, reward_[i])
+        reward = reward_[begin + i]
+        both = -smaller(error * error * seconds - reward, most)
+        reward_[begin + i] = select(cost_[begin + i] == zero, both, reward)
 
 
 @helper
@@ -81,7 +86,7 @@ def _judge(k, cars, counters, world, settings, equipment, outcome):
     block, told = cars[k], outcome[:, first : first + n]
     judge_lane(n, block, settings, told)
     endings = move_on(n, settings[at.STEP_TIME] * settings[at.SUBSTEPS], block)
-    _charge_speed(n, block, settings, told)
+    _charge_speed(n, first, block, settings, outcome)
     if endings > 0:
         _end(n, block, counters[:, first:], world[0], settings, equipment, told)
 
@@ -90,18 +95,19 @@ def _judge(k, cars, counters, world, settings, equipment, outcome):
 def _report(k, first, last, cars, settings, outcome):
     """Copy the truth that a state decides, with gaps, errors and jerk."""
     report(k, first, last, cars, settings, outcome)
-    block, told = cars[k], outcome[:, k * cars.shape[2] :]
+    # Whole rows, whose numbers lie side by side: those of a part of the columns make no SIMD code.
+    block, begin = cars[k], k * cars.shape[2]
     gap_, lead_, stop_, v_ = block[at.LEAD_GAP], block[at.LEAD_SPEED], block[at.STOP_GAP], block[at.SPEED]
     pull_, before_, set_ = block[at.PULL], block[at.PULL_BEFORE], block[at.SET_SPEED]
     ending_, avoidable_ = block[at.ENDING], block[at.AVOIDABLE]
-    gaps, times, stops = told[at.O_GAP], told[at.O_TIME_TO_COLLISION], told[at.O_STOP_ERROR]
+    gaps, times, stops = outcome[at.O_GAP], outcome[at.O_TIME_TO_COLLISION], outcome[at.O_STOP_ERROR]
     errors, jerks, contacts, overruns = (
-        told[at.O_SPEED_ERROR],
-        told[at.O_JERK],
-        told[at.O_CONTACT],
-        told[at.O_OVERRUN],
+        outcome[at.O_SPEED_ERROR],
+        outcome[at.O_JERK],
+        outcome[at.O_CONTACT],
+        outcome[at.O_OVERRUN],
     )
-    met, passed = told[at.O_AVOIDABLE_CONTACT], told[at.O_AVOIDABLE_OVERRUN]
+    met, passed = outcome[at.O_AVOIDABLE_CONTACT], outcome[at.O_AVOIDABLE_OVERRUN]
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     none, zero, one = like(seconds, np.inf), like(seconds, 0.0), like(seconds, 1.0)
     contact, overrun, near = like(seconds, CONTACT), like(seconds, STOP_PASSED), like(seconds, AT_THE_STOP)
@@ -109,15 +115,15 @@ def _report(k, first, last, cars, settings, outcome):
         gap, stop, speed, ending = gap_[i], stop_[i], magnitude(v_[i]), ending_[i]
         there, closing = gap < like(gap, 0.5 * at.NOWHERE), speed - lead_[i]
         comes = there & (closing > zero)
-        gaps[i] = select(there, gap, none)
-        times[i] = select(comes, gap / select(comes, closing, one), none)
-        stops[i] = select((stop < zero) | ((stop < near) & (speed == zero)), stop, zero)
-        errors[i] = v_[i] - wanted_speed(set_[i], gap, stop)
-        jerks[i] = (pull_[i] - before_[i]) / seconds
-        contacts[i] = select(ending == contact, one, zero)
-        overruns[i] = select(ending == overrun, one, zero)
-        met[i] = select(ending == contact, avoidable_[i], zero)
-        passed[i] = select(ending == overrun, avoidable_[i], zero)
+        gaps[begin + i] = select(there, gap, none)
+        times[begin + i] = select(comes, gap / select(comes, closing, one), none)
+        stops[begin + i] = select((stop < zero) | ((stop < near) & (speed == zero)), stop, zero)
+        errors[begin + i] = v_[i] - wanted_speed(set_[i], gap, stop)
+        jerks[begin + i] = (pull_[i] - before_[i]) / seconds
+        contacts[begin + i] = select(ending == contact, one, zero)
+        overruns[begin + i] = select(ending == overrun, one, zero)
+        met[begin + i] = select(ending == contact, avoidable_[i], zero)
+        passed[begin + i] = select(ending == overrun, avoidable_[i], zero)
 
 
 DRIVING = replace(
