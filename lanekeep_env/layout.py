@@ -53,7 +53,7 @@ ACTING = 33  # the one of them that acts in the present sub-step, rad
 MOTOR = 34  # motor angle in terms of the road wheel, rad
 STEER_GAIN = 35  # share of the remaining way that the motor would go in half a sub-step at its present speed
 # Set speeds in time, where the speed does not come from the road:
-SPEED_TARGET = 36  # m/s
+SPEED_TARGET = 36  # m/s; with a powertrain the fastest in the direction that is engaged, negative in reverse
 # The camera:
 EDGE = 37  # distance from the road's edge, m; NaN where none is seen
 # Walled worlds, where ALONG and LATERAL are x and y, HEADING counts from the x axis, and STATION along the centre line:
@@ -81,12 +81,12 @@ PULL = 56  # longitudinal acceleration, m/s²
 PEDAL = 57  # asked for: throttle where positive, brake where negative, -1 to 1
 THROTTLE = 58  # 0 to 1
 BRAKE = 59  # 0 to 1
-GEAR = 60  # 0 for the first
-SHIFT = 61  # until the next gear change may follow, s
+GEAR = 60  # 0 for the first, -1 for reverse
+SHIFT = 61  # sub-steps until a gear change may follow that takes back the last one
 SLOPE = 62  # sine of the road's rise
 WIND = 63  # headwind, m/s
 SET_SPEED = 64  # m/s
-LEAD_GAP = 65  # to the car ahead, m; FAR for none
+LEAD_GAP = 65  # to the car ahead, m; NOWHERE for none
 LEAD_SPEED = 66  # m/s
 STOP_GAP = 67  # to the stop point, m; FAR for none
 EVENT = 68  # number of the timeline's next event
@@ -105,7 +105,7 @@ SPACE_AHEAD = 78  # middle of the world's longest space from the middle of the b
 SPACE_LEFT = 79  # ... and to the left
 SPACE_TURNED = 80  # heading minus that of the kerb, rad
 SPACE_LENGTH = 81  # m
-# With a driver, whom an assistant may override:
+# Rows from here on are shared by cars that are never one: with a driver, whom an assistant may override:
 DRIVER = 82  # road-wheel angle that the driver asks for, rad
 AUTHORITY = 83  # share of the assistant in the command, 0 to 1 ...
 AUTHORITY_BEFORE = 84  # ... and in the control step before
@@ -115,7 +115,34 @@ AIM = 87  # where the driver wants to be, m left of the lane's centre
 INTERVENTIONS = 88  # of the assistant in this episode
 HANDOVER = 89  # largest change of the assistance in a control step in which the authority changed, rad
 SET_POINT = 90  # distance from the road's edge that a camera-guided car is to keep, m
-CAR_ROWS = 91  # further rows, as many as needed: commands (newest first), then the sensors' rows
+# ... or with a powertrain:
+SHIFTED = 82  # direction of the last gear change: 1 up, -1 down
+FRONT_GRIP = 83  # largest force of the axle before engine and brake took theirs, N ...
+REAR_GRIP = 84
+LEAD_TARGET = 85  # speed that the car ahead goes to, m/s ...
+LEAD_RATE = 86  # ... and how fast, m/s²
+LEAD_SEEN = 87  # its speed as far as it is in sight, m/s; 0 elsewhere
+PULL_BEFORE = 88  # longitudinal acceleration at the start of the control step, m/s²
+LEAD_SIGHT = 89  # what was seen when the car ahead came: SIGHT_SIZE rows
+STOP_SIGHT = 96  # the same of the stop point
+# of a sight:
+SIGHT_STEP = 0  # control step whose observation was the first to show it, -1 for that of the reset
+SIGHT_GAP = 1  # at the start of that step, as all that follows, m
+SIGHT_SPEED = 2  # own, m/s
+SIGHT_PULL = 3  # own acceleration, m/s²
+SIGHT_SEGMENT = 4  # of the road
+SIGHT_ALONG = 5  # m
+SIGHT_EVENT = 6  # number of the timeline's event that brought it
+SIGHT_SIZE = 7
+AVOIDABLE = 103  # 1 where full braking in time had avoided the contact or overrun of this step
+FAILED = 104  # code of `Termination` of the last contact or overrun of this episode, 0 for none
+RATIO = 105  # engine over wheel's way in the gear engaged, rad/m
+ENDING = 106  # code of `Termination` of the contact or overrun of this step, 0 for none
+EVENT_STEP = 107  # control step at which the timeline's next event is due
+UP_FROM = 108  # speed from which on a gear change up may be due, m/s
+DOWN_BELOW = 109  # speed below which one down may be due without kick-down, m/s
+DUE = 110  # 1 where an event or a gear change may be due at the start of the control step
+CAR_ROWS = 111  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the car (a uint64, reinterpreted)
@@ -213,8 +240,9 @@ LARGEST_COST = 78  # of a second, 1/s
 SECOND = 79  # row of what the second action asks for
 SECOND_LOW = 80  # its least value that counts
 SECOND_SCALE = 81  # what is asked for at 1
-GATHERED = 82  # how many channels are rows as they stand
-CHANNELS = 83  # low and high of each channel follow, then column and source (a row) of each gathered one
+CIRCLE = 82  # share of the friction that engine and brake take at the most, leaving the rest across; 0: no circle
+GATHERED = 83  # how many channels are rows as they stand
+CHANNELS = 84  # low and high of each channel follow, then column and source (a row) of each gathered one
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample, then:
@@ -279,16 +307,23 @@ D_CREEP = 9  # acceleration by the converter at standstill, m/s²
 D_CREEP_SPEED = 10  # m/s
 D_BRAKE = 11  # deceleration of the full brake, m/s²
 D_PEDAL_SHARE = 12  # share of the remaining way that throttle and brake go in a sub-step
-D_UP = 13  # engine speed of an upshift, rad/s ...
-D_UP_THROTTLE = 14  # ... and what full throttle adds
-D_DOWN = 15
-D_DOWN_THROTTLE = 16
-D_SHIFT_TIME = 17  # without torque, s
-D_HOLD_TIME = 18  # from one gear change to the next, s
-D_GEARS = 19
-D_RATIOS = 20  # engine over wheel's way, rad/m, a gear each; GEARS_MOST of them
+D_UP = 13  # engine speed of an upshift up to part throttle, rad/s ...
+D_UP_FULL = 14  # ... and at full throttle
+D_PART = 15  # that part
+D_DOWN = 16  # engine speed in the gear below at which it shifts down, closed throttle, rad/s ...
+D_DOWN_THROTTLE = 17  # ... and what full throttle adds
+D_KICK = 18  # throttle beyond which kick-down shifts down ...
+D_KICK_SPEED = 19  # ... as long as the engine stays below this, rad/s
+D_RESERVE = 20  # acceleration that the next gear up must have left, m/s²
+D_LIMIT = 21  # engine speed at which the limiter cuts in, rad/s
+D_WITHOUT = 22  # sub-steps without torque
+D_HOLD = 23  # sub-steps from one gear change to the next
+D_SETTLE = 24  # sub-steps from one gear change to one that takes it back
+D_REVERSE = 25  # engine over wheel's way in reverse, rad/m
+D_GEARS = 26
+D_RATIOS = 27  # the same of the gears; GEARS_MOST of them
 GEARS_MOST = 8
-DRIVE_SIZE = 28
+DRIVE_SIZE = 35
 
 # driver: float64, DRIVER_SIZE numbers, or None for an environment without
 V_PREVIEW = 0  # s ahead at which the road's curvature is steered for
@@ -312,8 +347,9 @@ GUIDANCE_SIZE = 12
 
 # timelines: (timelines, events, 4): time (s), kind, and up to two numbers; unused events are at inf
 E_TIME, E_KIND, E_FIRST, E_SECOND = 0, 1, 2, 3
-SPEED_EVENT, LEAD_EVENT, LEAD_GONE, STOP_EVENT, STOP_GONE = 0, 1, 2, 3, 4
-FAR = 200.0  # m
+SPEED_EVENT, LEAD_EVENT, LEAD_GONE, STOP_EVENT, STOP_GONE, LEAD_SPEED_EVENT = 0, 1, 2, 3, 4, 5
+FAR = 200.0  # how far cars ahead and stop points are seen, m
+NOWHERE = 1e6  # gap of a car ahead that is not there, m
 
 # camera: float64, or None for an environment without; CAMERA_SIZE numbers, then one a road segment: 1 where its
 # edge is marked
@@ -365,6 +401,18 @@ O_MODE = 16
 O_SHARE = 17
 O_KERB_DISTANCE = 18
 COURSE_OUTCOME_ROWS = 19
+
+# With a powertrain, behind OUTCOME_ROWS:
+O_GAP = 11  # to the car ahead, m; inf without one
+O_TIME_TO_COLLISION = 12  # s, at present speeds; inf where it does not come nearer
+O_STOP_ERROR = 13  # of a car that stands at a stop point, or is beyond it: way left, m
+O_SPEED_ERROR = 14  # against the wanted speed, m/s
+O_JERK = 15  # m/s³, over the control step
+O_CONTACT = 16  # 1 where the car meets the one ahead ...
+O_AVOIDABLE_CONTACT = 17  # ... and full braking in time had avoided that, in the step in which it does
+O_OVERRUN = 18  # 1 beyond a stop point ...
+O_AVOIDABLE_OVERRUN = 19
+DRIVE_OUTCOME_ROWS = 20
 
 # start: (rows, n) float64; NaN means drawn by the episode's key
 START_ROWS = 4  # lateral error, heading error, arc length, road index

@@ -46,7 +46,7 @@ _POLICIES = {
     "werling-lateral-predictor": "werling_predictor:WerlingLateralPredictor",
     "werling-reverse": "werling:WerlingReverse",
     "werling-reverse-ahead": "werling:WerlingReverseAhead",
-    "werling-drive": "werling:WerlingDrive",
+    "werling-drive": "werling_multi:WerlingDrive",
     "yin-lqr": "yin:YinLqr",
     "yin-lqr-observer-printed": "yin:YinLqrObserverPrinted",
     "yin-lqr-observer": "yin:YinLqrObserver",

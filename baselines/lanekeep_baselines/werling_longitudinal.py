@@ -4,6 +4,9 @@ Three laws ask for an acceleration each, the smallest is taken, between a_min an
 a stop point the distance is inf, and the law asks for no restraint. The laws have no integrator: where two of them
 cross, the acceleration has no step. (Steps of a set point or a new car in front do step it.)
 
+The limit of comfort, -3.5 m/s², costs safety where a car cuts in or a stop point comes late: there a second, larger
+a_min holds, for as long as no less would do.
+
 Corrected against the source: (29) prints "L, tau < 0", both are positive. Read literally, (32) drives through the stop
 point: its condition lets go again as the speed falls, and behind s_h - Delta its sign turns. And as (33) meets (32) in
 a joint tangent it is never below it: an ungated max selector lets the approach be, and brakes too late. Hence (32) is
@@ -21,6 +24,8 @@ from lanekeep_baselines.policy import Floats
 
 #: A stop point that moves away by more than this between two steps, m, is another one: braking starts anew.
 MOVED = 1.0
+#: In an emergency: gap that is left, m; way to brake on at least, m; factor of what is needed.
+CLEAR, LEAST, SURE = 1.0, 0.02, 1.1
 #: The near range is this much longer than the joint tangent needs, m.
 NEAR = 0.5
 
@@ -35,8 +40,10 @@ class LongitudinalTuning(NamedTuple):
         gap_rate: lambda of the gap law, 1/s.
         braking: a_h,min, m/s², negative: the deceleration of a stop.
         stop_rate: p of the last metres, 1/s: both poles are at -p (k_p = p², k_d = 2 p).
-        least: a_min, m/s².
+        least: a_min of comfort, m/s²: the article's limit.
         most: a_max, m/s².
+        emergency: a_min where comfort would not do, m/s², more than brake and hills give: see `emergency_law`.
+        reaction: of the brake, s: lag and a control step.
     """
 
     speed_rate: float = 0.62
@@ -45,8 +52,10 @@ class LongitudinalTuning(NamedTuple):
     gap_rate: float = 0.5
     braking: float = -1.7
     stop_rate: float = 2.0
-    least: float = -4.0
+    least: float = -3.5
     most: float = 1.0
+    emergency: float = -12.0
+    reaction: float = 0.12
 
     @property
     def ahead(self) -> float:
@@ -120,6 +129,19 @@ class StopLaw:
         return np.where(latched, asked, np.inf), following
 
 
+def emergency_law(tuning: LongitudinalTuning, v: Floats, gap: Floats, gap_change: Floats, distance: Floats) -> Floats:
+    """Return the deceleration without which the car ahead is met or the stop point passed, m/s², (n,), <= 0.
+
+    Even braking that ends at the car ahead's speed `CLEAR` behind it, or at the point; what is driven until the brake
+    acts is no way to brake on. inf where comfort's limit does. Arguments are those of `LongitudinalControl.step`.
+    """
+    closing = np.where(np.isfinite(gap), np.maximum(-gap_change, 0.0), 0.0)
+    ahead = np.where(np.isfinite(gap), gap - CLEAR - closing * tuning.reaction, 1.0)
+    left = np.where(np.isfinite(distance), distance - v * tuning.reaction, np.inf)
+    needed = 0.5 * np.maximum(closing**2 / np.maximum(ahead, LEAST), v * v / np.maximum(left, LEAST))
+    return np.where(needed > -tuning.least, np.maximum(-SURE * needed, tuning.emergency), np.inf)
+
+
 def override(tuning: LongitudinalTuning, *asked: Floats) -> Floats:
     """Return the smallest acceleration asked for, between a_min and a_max, m/s², (n,): the min selector of Figure 6."""
     smallest = asked[0]
@@ -150,4 +172,5 @@ class LongitudinalControl:
         """Return the acceleration, m/s², (n,), and the next memory, (n, 2); arguments as in the laws above."""
         stop, following = self._stop.step(v, distance, memory, fresh)
         speed = speed_law(self.tuning, v, wanted)
-        return override(self.tuning, speed, gap_law(self.tuning, v, gap, gap_change), stop), following
+        asked = override(self.tuning, speed, gap_law(self.tuning, v, gap, gap_change), stop)
+        return np.minimum(asked, emergency_law(self.tuning, v, gap, gap_change, distance)), following

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isnan
 from typing import Any
 
 import gymnasium as gym
@@ -107,7 +106,8 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
                 self._action[0] = value = float(given.item())
             else:
                 self._action[:] = given
-                value = max(self._action.tolist(), key=isnan)  # a NaN, if there is one; a sum of infinities is one too
+                first, second = self._action.tolist()
+                value = first if first != first else second  # a NaN, if there is one; a sum of infinities is one too
         except (TypeError, ValueError):
             raise ValueError(f"action={shown(action)} is not a number; it must be one in [-1, 1]") from None
         if value != value:

@@ -75,8 +75,10 @@ def _paced_speeds(v, along, squared, slope, target, pull, h, most):
 
 @inline
 def _driven_speeds(v, along, squared, slope, target, pull, h, most):
-    none, fastest = like(h, 0.0), like(h, LARGEST_SPEED)
-    return v, clip(v + h * like(h, 0.5) * pull, none, fastest), clip(v + h * pull, none, fastest)
+    # ``target`` is the fastest in the direction engaged: none beyond it, none the other way.
+    none = like(h, 0.0)
+    low, high = smaller(target, none), larger(target, none)
+    return v, clip(v + h * like(h, 0.5) * pull, low, high), clip(v + h * pull, low, high)
 
 
 _SPEEDS = {PROFILE: _profile_speeds, PACED: _paced_speeds, DRIVEN: _driven_speeds}

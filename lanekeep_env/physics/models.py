@@ -53,6 +53,4 @@ MAGIC_FORMULA = CarModel(
 FRONT_DRIVEN = CarModel("front_driven", cars.front_driven, cars.front_driven_outputs, PACED, front_speed=True)
 KINEMATIC_PACED = CarModel("kinematic_paced", cars.kinematic, cars.kinematic_outputs, PACED)
 LINEAR_PACED = CarModel("linear_paced", cars.dynamic_linear, cars.linear_outputs, PACED, slips=True)
-POWERED = CarModel(
-    "powered", cars.dynamic_magic_formula, cars.magic_formula_outputs, DRIVEN, slips=True, saturates=True
-)
+POWERED = CarModel("powered", cars.dynamic_both_ways, cars.both_ways_outputs, DRIVEN, slips=True, saturates=True)

@@ -18,7 +18,7 @@ which is 0.3 % off for an ordinary car and a floor of 1 m/s; where it would be m
 from __future__ import annotations
 
 from lanekeep_env.compile import inline
-from lanekeep_env.physics.numeric import arctan, larger, like, sin_cos
+from lanekeep_env.physics.numeric import arctan, larger, like, select, sin_cos
 from lanekeep_env.physics.tyres import linear, magic_formula
 
 #: Below this speed (m/s) divisions by the speed use it instead, or a lower one; see the module's docstring.
@@ -105,8 +105,10 @@ def dynamic_linear(d, theta, beta, r, steer, v, kappa, car):
 
 
 @inline
-def magic_formula_forces(beta, r, steer, v, car):
+def magic_formula_forces(beta, r, steer, v, way, car):
     """Front and rear axle force, N, each across its own wheel, for any angle; and the sines, cosines used.
+
+    ``way`` is 1 for a car that goes forwards and -1 backwards, where v is negative.
 
     alpha_f = delta - atan((l_f r + v sin beta)/(v cos beta)), alpha_r = atan((l_r r - v sin beta)/(v cos beta))
     (W08 (1)), written as the direction of the contact velocity in wheel axes. The longitudinal part is
@@ -114,10 +116,10 @@ def magic_formula_forces(beta, r, steer, v, car):
     """
     sin_b, cos_b = sin_cos(beta)
     sin_d, cos_d = sin_cos(steer)
-    floored = larger(v, slip_speed_floor(v, car[8]))
+    floored = larger(way * v, slip_speed_floor(v, car[8]))
     least = like(v, 0.1) * floored
     across_f = v * sin_b + car[0] * r
-    along_f = floored * cos_b * cos_d + (floored * sin_b + car[0] * r) * sin_d
+    along_f = floored * cos_b * cos_d + (floored * sin_b + way * car[0] * r) * sin_d
     slip_f = -arctan((across_f * cos_d - v * cos_b * sin_d) / larger(along_f, least))
     slip_r = arctan((car[1] * r - v * sin_b) / larger(floored * cos_b, least))
     front = magic_formula(slip_f, car[4], car[6])
@@ -132,9 +134,26 @@ def dynamic_magic_formula(d, theta, beta, r, steer, v, kappa, car):
     beta' = -r + (F_f cos(delta - beta) + F_r cos beta)/(m v), r' = (F_f l_f cos delta - F_r l_r)/J.
     ``v`` is the speed of the centre of gravity along its course.
     """
-    front, rear, sin_b, cos_b, sin_d, cos_d = magic_formula_forces(beta, r, steer, v, car)
+    return _magic_formula_rates(d, theta, beta, r, steer, v, like(v, 1.0), kappa, car)
+
+
+@inline
+def dynamic_both_ways(d, theta, beta, r, steer, v, kappa, car):
+    """The same, backwards as well, where ``v`` is negative and sideslip stays velocity across over velocity along."""
+    return _magic_formula_rates(d, theta, beta, r, steer, v, _way(v), kappa, car)
+
+
+@inline
+def _way(v):
+    """Return -1 backwards, else 1."""
+    return select(v < like(v, 0.0), like(v, -1.0), like(v, 1.0))
+
+
+@inline
+def _magic_formula_rates(d, theta, beta, r, steer, v, way, kappa, car):
+    front, rear, sin_b, cos_b, sin_d, cos_d = magic_formula_forces(beta, r, steer, v, way, car)
     across = front * (cos_d * cos_b + sin_d * sin_b) + rear * cos_b
-    beta_rate = across * car[2] / larger(v, slip_speed_floor(v, car[8])) - r
+    beta_rate = across * car[2] / (way * larger(way * v, slip_speed_floor(v, car[8]))) - r
     r_rate = (front * car[0] * cos_d - rear * car[1]) * car[3]
     s_rate, d_rate, theta_rate = path_rates(v, like(v, 0.0), theta + beta, r, d, kappa)
     return s_rate, d_rate, theta_rate, beta_rate, r_rate
@@ -170,5 +189,16 @@ def linear_outputs(beta, r, steer, v, car):
 @inline
 def magic_formula_outputs(beta, r, steer, v, car):
     """Sideslip, yaw rate and tyre forces across the course over mass."""
-    front, rear, sin_b, cos_b, sin_d, cos_d = magic_formula_forces(beta, r, steer, v, car)
+    return _magic_formula_shown(beta, r, steer, v, like(v, 1.0), car)
+
+
+@inline
+def both_ways_outputs(beta, r, steer, v, car):
+    """The same, backwards as well."""
+    return _magic_formula_shown(beta, r, steer, v, _way(v), car)
+
+
+@inline
+def _magic_formula_shown(beta, r, steer, v, way, car):
+    front, rear, sin_b, cos_b, sin_d, cos_d = magic_formula_forces(beta, r, steer, v, way, car)
     return beta, r, (front * (cos_d * cos_b + sin_d * sin_b) + rear * cos_b) * car[2]

@@ -25,6 +25,7 @@ TRACE_SECONDS = 15.0
 
 _GRASS, _ASPHALT, _EDGE, _CENTRE = (226, 232, 222), (188, 193, 199), (250, 250, 250), (150, 156, 163)
 _CAR, _GLASS, _WHEEL, _PATH = (0, 114, 178), (200, 224, 240), (35, 38, 42), (213, 94, 0)
+_LEAD = (90, 96, 104)
 _INK, _FAINT, _PAPER, _ALARM = (45, 48, 53), (150, 155, 160), (252, 252, 252), (190, 20, 20)
 
 
@@ -33,6 +34,8 @@ class Pose:
     """What a picture needs of a car: road and place on it (m, rad), steering (rad), speed (m/s), time (s).
 
     ``edge``: distance of the road's edge that a camera sees, m; None where it sees none, or there is no camera.
+    ``lead_gap``, ``stop_gap``: way along the road to the car ahead and to the stop point, m, negative behind; None
+    without. ``failure``: what ended the episode, if it was no departure. ``backwards``: whether reverse is engaged.
     """
 
     road: Road
@@ -44,6 +47,10 @@ class Pose:
     time: float
     departed: bool
     edge: float | None = None
+    lead_gap: float | None = None
+    stop_gap: float | None = None
+    failure: str | None = None
+    backwards: bool = False
 
 
 class RoadPicture:
@@ -120,6 +127,7 @@ class RoadPicture:
             pg.draw.circle(sheet, _CENTRE, dot, SCALE)
         if len(self._driven) > 1:
             pg.draw.lines(sheet, _PATH, False, screen(np.array(self._driven)), 2 * SCALE)
+        self._traffic(pose, screen)
         self._car(pose, screen)
         if isinstance(self._scenario, CameraLaneScenario):
             self._camera(pose, self._scenario, screen)
@@ -156,6 +164,21 @@ class RoadPicture:
             (screen_at, -0.8 * w),
         ]
         pg.draw.polygon(self._sheet, _GLASS, body(glass))
+
+    def _traffic(self, pose: Pose, screen: Any) -> None:
+        """Draw the stop line, and the car ahead; both are as far from the car's end as the gaps say."""
+        pg, car = self._pg, self._scenario.vehicle
+        half, overhang = car.width / 2, (car.length - car.wheelbase) / 2
+        ends = self._scenario.axles[0] + overhang, -self._scenario.axles[1] - overhang
+        if pose.stop_gap is not None:
+            s = pose.s + pose.stop_gap + ends[pose.backwards]
+            line = [pose.road.position(s, side * self._scenario.lane_width / 2) for side in (1.0, -1.0)]
+            pg.draw.line(self._sheet, _ALARM, *screen(np.array(line)), max(round(0.3 * self._pixels), SCALE))
+        if pose.lead_gap is not None:
+            near = pose.s + pose.lead_gap + ends[pose.backwards]
+            far = near + (-car.length if pose.backwards else car.length)
+            body = [pose.road.position(s, side * half) for s, side in ((near, 1), (far, 1), (far, -1), (near, -1))]
+            pg.draw.polygon(self._sheet, _LEAD, screen(np.array(body)))
 
     def _camera(self, pose: Pose, scenario: CameraLaneScenario, screen: Any) -> None:
         """Draw the look-ahead point, and the line from there to the edge where the camera sees it."""
@@ -217,7 +240,7 @@ class RoadPicture:
         if pose.edge is None and isinstance(self._scenario, CameraLaneScenario):
             self._text("no edge in sight", 24, _ALARM, (12 * SCALE, 12 * SCALE), "topleft")
         if pose.departed:
-            self._text("left its lane", 24, _ALARM, (x, y + 92 * SCALE), "topleft")
+            self._text(pose.failure or "left its lane", 24, _ALARM, (x, y + 92 * SCALE), "topleft")
 
     def _text(self, text: str, size: int, colour: tuple[int, int, int], where: Any, anchor: str) -> None:
         picture = self._fonts[size].render(text, True, colour)

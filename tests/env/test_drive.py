@@ -6,15 +6,14 @@ import math
 import gymnasium as gym
 import numpy as np
 import pytest
+from powertrain_oracle import CAR, TRAIN, G, H, Second
 
 import lanekeep_env  # noqa: F401
-from lanekeep_env import VEHICLES, Termination
+from lanekeep_env import Termination
 from lanekeep_env import layout as at
-from lanekeep_env.physics.powertrain_parameters import Powertrain
-from lanekeep_env.scenario.drive import Traffic
+from lanekeep_env.scenario.traffic import Traffic
 
 DRIVE = "lanekeep/Drive-v0"
-CAR, TRAIN, G, H = VEHICLES["passat"], Powertrain(), 9.81, 0.01
 
 
 def make(speed=0.0, events=(), **keywords):
@@ -43,49 +42,6 @@ def drive(env, pedals):
         env.step(np.array([0.0, pedal], np.float32))
         table.append(row(env, at.SPEED, at.PULL, at.GEAR))
     return np.array(table)
-
-
-class Second:
-    """The powertrain once more, from the words of its attributes."""
-
-    def __init__(self, train, speed, mass=CAR.mass, slope=0.0, wind=0.0):
-        self.p, self.v, self.mass, self.slope, self.wind = train, speed, mass, slope, wind
-        self.throttle = self.brake = 0.0
-        self.since = math.inf
-        self.gear = 0
-        while self.gear < len(train.gears) - 1 and self.wheel(self.gear) >= 0.9 * train.upshift:
-            self.gear += 1
-
-    def wheel(self, gear):
-        """Engine speed without slip."""
-        return self.v * self.p.gears[gear] * self.p.final_drive / self.p.wheel_radius
-
-    def step(self, pedal, h=H):
-        p = self.p
-        keep = math.exp(-h / p.pedal_lag) if p.pedal_lag else 0.0
-        self.throttle = keep * self.throttle + (1 - keep) * max(pedal, 0.0)
-        self.brake = keep * self.brake + (1 - keep) * max(-pedal, 0.0)
-        self.since += h
-        if self.since >= p.hold_time - 1e-9:
-            omega = self.wheel(self.gear)
-            if omega > p.upshift + p.upshift_throttle * self.throttle and self.gear + 1 < len(p.gears):
-                self.gear, self.since = self.gear + 1, 0.0
-            elif omega < p.downshift + p.downshift_throttle * self.throttle and self.gear > 0:
-                self.gear, self.since = self.gear - 1, 0.0
-        omega = max(self.wheel(self.gear), p.idle_speed)
-        full = max(p.peak_torque * (1 - ((omega - p.peak_speed) / p.torque_width) ** 2), 0.0)
-        torque = self.throttle * full - (1 - self.throttle) * (p.drag_torque + p.drag_slope * omega)
-        if self.wheel(self.gear) < p.idle_speed:  # the converter slips
-            torque = max(torque, 0.0)
-        force = torque * p.efficiency * p.gears[self.gear] * p.final_drive / p.wheel_radius
-        if self.since < p.shift_time - 1e-9:
-            force = 0.0
-        a = force / self.mass - G * math.sin(self.slope)
-        a += p.creep * min(max(1 - self.v / p.creep_speed, 0.0), 1.0)
-        air = self.v + self.wind
-        a -= p.brake * self.brake + 0.6 * p.drag_area * air * abs(air) / self.mass + p.rolling * G
-        stands = self.v < 1e-3 and a <= 0.0
-        self.v = 0.0 if stands else max(self.v + a * h, 0.0)
 
 
 def random_pedals(seed, steps):
@@ -149,13 +105,15 @@ def test_full_brake_decelerates_with_its_number_and_the_resistances_until_the_ca
     assert env.step(np.array([0.0, -1.0], np.float32))[4]["arc_length"] == before
 
 
+@pytest.mark.parametrize("circle", [False, True])
 @pytest.mark.parametrize(("speed", "pedal", "sign"), [(20.0, -1.0, -1.0), (3.0, -1.0, -1.0), (1.0, 1.0, 1.0)])
-def test_tyres_give_engine_and_brake_together_no_more_than_their_friction(speed, pedal, sign):
-    env = make(speed, friction=0.2, slope=0.05, powertrain={"pedal_lag": 0.0})
+def test_tyres_give_engine_and_brake_together_no_more_than_their_friction(speed, pedal, sign, circle):
+    """Within the circle anti-lock and traction control leave a part of it."""
+    env = make(speed, friction=0.2, slope=0.05, powertrain={"pedal_lag": 0.0}, friction_circle=circle)
     got = drive(env, np.full(60, pedal))
     v = got[:-1, 0]
     others = TRAIN.rolling * G + 0.6 * TRAIN.drag_area * v**2 / CAR.mass + G * math.sin(0.05)
-    np.testing.assert_allclose(got[1:, 1], sign * 0.2 * G - others, rtol=1e-9)
+    np.testing.assert_allclose(got[1:, 1], sign * (0.95 if circle else 1.0) * 0.2 * G - others, rtol=1e-9)
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
@@ -201,14 +159,14 @@ def test_gears_change_in_order_not_before_the_hold_time_and_without_torque_in_be
     changes = np.flatnonzero(np.diff(gears)) + 1
     np.testing.assert_array_equal(gears[changes], np.arange(1, len(changes) + 1))
     assert len(changes) >= 3
-    assert np.diff(changes).min() >= 80
+    assert np.diff(changes).min() >= 50
     for k in changes:
-        v = got[k - 1 : k + 24, 0]
+        v = got[k - 1 : k + 4, 0]
         coasting = -(TRAIN.rolling * G + 0.6 * TRAIN.drag_area * v**2 / CAR.mass)
-        np.testing.assert_allclose(got[k : k + 25, 1], coasting, rtol=1e-9)
-        assert got[k - 1, 1] > 0.3 and got[k + 25, 1] > 0.3
+        np.testing.assert_allclose(got[k : k + 5, 1], coasting, rtol=1e-9)
+        assert got[k - 1, 1] > 0.3 and got[k + 5, 1] >= TRAIN.reserve - 0.02
         ratio = TRAIN.gears[int(gears[k - 1])] * TRAIN.final_drive / TRAIN.wheel_radius
-        assert got[k - 1, 0] * ratio == pytest.approx(TRAIN.upshift + TRAIN.upshift_throttle, rel=0.02)
+        assert got[k - 1, 0] * ratio == pytest.approx(TRAIN.upshift_full, rel=0.02)
 
 
 def test_slowing_down_shifts_down_in_order_to_the_first():
@@ -222,10 +180,12 @@ def test_slowing_down_shifts_down_in_order_to_the_first():
 @pytest.mark.parametrize("throttle", np.linspace(0.0, 1.0, 11))
 def test_after_a_change_up_the_same_force_does_not_ask_for_the_gear_below(throttle):
     """At a tenth less speed even: the car slows down while the torque is interrupted."""
+    beyond = max(throttle - TRAIN.part_throttle, 0.0) / (1.0 - TRAIN.part_throttle)
+    after = 0.9 * (TRAIN.upshift + (TRAIN.upshift_full - TRAIN.upshift) * beyond)  # in the gear below
     for below, above in zip(TRAIN.gears[:-1], TRAIN.gears[1:], strict=True):
-        after = 0.9 * (TRAIN.upshift + TRAIN.upshift_throttle * throttle) * above / below
         needed = min(throttle * below / above, 1.0)
         assert after > TRAIN.downshift + TRAIN.downshift_throttle * needed
+    assert throttle < 1.0 or after > TRAIN.kick_down
 
 
 @pytest.mark.parametrize("start", [3.0, 15.0, 30.0])
@@ -306,8 +266,8 @@ def test_gaps_are_the_integral_of_the_speed_difference(seed):
     assert info["arc_length"] > 0.0
 
 
-def test_driving_over_the_stop_point_goes_on_counting():
-    env = make(10.0, [(0.0, "stop", 5.0)])
+def test_driving_over_the_stop_point_goes_on_counting_where_nothing_ends_an_episode():
+    env = make(10.0, [(0.0, "stop", 5.0)], departure="cost")
     drive(env, np.zeros(150))
     assert -15.0 < row(env, at.STOP_GAP) < 0.0
     assert not row(env, at.DONE)
@@ -372,6 +332,7 @@ def test_random_timelines_can_be_driven_with_three_metres_per_second_squared(lar
     n = len(table)
     v, event = table[:, 0, at.E_FIRST].copy(), np.zeros(n, int)
     gap, lead, stop, wish = np.full(n, 200.0), np.zeros(n), np.full(n, 200.0), v.copy()
+    goal, rate = np.zeros(n), np.zeros(n)
     for k in range(6000):
         for i in np.flatnonzero(table[np.arange(n), np.minimum(event, table.shape[1] - 1), 0] <= k * H):
             while event[i] < table.shape[1] and table[i, event[i], 0] <= k * H:
@@ -380,12 +341,16 @@ def test_random_timelines_can_be_driven_with_three_metres_per_second_squared(lar
                     wish[i] = first
                 elif kind in (at.LEAD_EVENT, at.LEAD_GONE):
                     gap[i], lead[i] = (first, second) if kind == at.LEAD_EVENT else (200.0, 0.0)
+                    goal[i] = lead[i]
+                elif kind == at.LEAD_SPEED_EVENT:
+                    goal[i], rate[i] = first, second
                 else:
                     stop[i] = first if kind == at.STOP_EVENT else 200.0
                 event[i] += 1
         after = np.maximum(v + follow(v, gap, lead, stop, wish) * H, 0.0)
         way, v = 0.5 * (v + after) * H, after
-        gap = np.where(gap < 200.0, np.minimum(gap + lead * H - way, 199.0), gap)
+        ahead = lead + np.clip(goal - lead, -rate * H, rate * H)
+        gap, lead = np.where(gap < 200.0, np.minimum(gap + 0.5 * (lead + ahead) * H - way, 199.0), gap), ahead
         stop = np.where(stop < 200.0, stop - way, stop)
         assert gap.min() > 0.0, k
         assert (v[stop < 0.0] < 0.5).all(), k
@@ -402,6 +367,8 @@ def test_random_timelines_rise_in_time_and_stay_within_their_numbers():
         kinds = used[:, 1].tolist()
         for here, after in zip(kinds, [*kinds[1:], None], strict=True):  # what comes also goes
             if here == at.LEAD_EVENT:
+                assert after == at.LEAD_SPEED_EVENT
+            if here == at.LEAD_SPEED_EVENT:
                 assert after == at.LEAD_GONE
             if here == at.STOP_EVENT:
                 assert after == at.STOP_GONE
@@ -431,7 +398,7 @@ def test_slope_and_wind_are_drawn_within_their_bounds():
         ({"traffic": [(0, "speed", 5), (3, "lead_gone", 1)]}, ["traffic.events", "lead_gone", "0 numbers"]),
         ({"traffic": [(1, "speed", 5)]}, ["traffic.events", "begin"]),
         ({"traffic": [(0, "stop", 5)]}, ["traffic.events", "begin"]),
-        ({"traffic": [(0, "speed", -5)]}, ["traffic.events speed", "-5"]),
+        ({"traffic": [(0, "speed", -6)]}, ["traffic.events speed=-6", ">= -5"]),
         ({"traffic": [(0, "speed", math.nan)]}, ["traffic.events speed", "nan"]),
         ({"traffic": [(0, "speed", 150)]}, ["traffic.events speed=150", "<= 100.0 m/s"]),
         ({"traffic": [(0, "speed", 5), (1, "lead", 200, 5)]}, ["traffic.events lead=200", "<= 199.0 m"]),
@@ -445,9 +412,15 @@ def test_slope_and_wind_are_drawn_within_their_bounds():
         ({"powertrain": {"gears": ("low", 2.0)}}, ["powertrain.gears", "low"]),
         ({"powertrain": {"gears": ()}}, ["powertrain.gears", "1 to 8"]),
         ({"powertrain": {"gears": (3.0, 0.0)}}, ["powertrain.gears", ">= "]),
-        ({"powertrain": {"hold_time": 0.1}}, ["powertrain.hold_time=0.1", "0.25"]),
+        ({"powertrain": {"hold_time": 0.01}}, ["powertrain.hold_time=0.01", "0.05"]),
+        ({"powertrain": {"settle_time": 0.1}}, ["powertrain.settle_time=0.1", "0.5"]),
         ({"powertrain": {"efficiency": 1.1}}, ["powertrain.efficiency=1.1", "<= 1"]),
-        ({"powertrain": {"downshift": 110.0}}, ["powertrain.downshift=110.0", "<= 105"]),
+        ({"powertrain": {"downshift": 150.0}}, ["powertrain.downshift=150.0", "<= 145"]),
+        ({"powertrain": {"upshift": 700.0}}, ["powertrain.upshift=700.0", "<= 628"]),
+        ({"powertrain": {"kick_down": 700.0}}, ["powertrain.kick_down=700.0", "<= 628"]),
+        ({"traffic": [(0, "speed", 5), (1, "lead_speed", 5)]}, ["traffic.events", "lead_speed", "2 numbers"]),
+        ({"traffic": [(0, "speed", 5), (1, "lead_speed", 5, 21)]}, ["traffic.events lead_speed=21", "<= 20.0 m/s²"]),
+        ({"traffic": {"hazards": 1.5}}, ["traffic.hazards=1.5", "<= 1"]),
         ({"powertrain": {"brakes": 3.0}}, ["brakes", "brake"]),
         ({"powertrain": "tesla"}, ["powertrain='tesla'", "passat"]),
         ({"slope": 0.5}, ["slope=0.5", "0.3"]),

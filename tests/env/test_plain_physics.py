@@ -12,7 +12,7 @@ import pytest
 
 from lanekeep_env import layout as at
 from lanekeep_env.physics import VEHICLES, models
-from lanekeep_env.physics.integrate import DRIVEN, LARGEST_SIDESLIP, LARGEST_SPEED, LARGEST_YAW_RATE, PACED
+from lanekeep_env.physics.integrate import DRIVEN, LARGEST_SIDESLIP, LARGEST_YAW_RATE, PACED
 from lanekeep_env.physics.numeric import clip, larger, smaller, sqrt, wrapped
 from lanekeep_env.physics.steering import advance_gear, advance_steering
 
@@ -103,7 +103,8 @@ def speeds(car, pace):
     """Speed at the start, in the middle and at the end of a sub-step, and what is kept of it."""
     v = car[at.SPEED]
     if pace == DRIVEN:
-        middle, end = (clip(v + share * H * car[at.PULL], 0.0, LARGEST_SPEED) for share in (0.5, 1.0))
+        low, high = smaller(car[at.SPEED_TARGET], 0.0), larger(car[at.SPEED_TARGET], 0.0)
+        middle, end = (clip(v + share * H * car[at.PULL], low, high) for share in (0.5, 1.0))
         return v, middle, end, end
     squared = car[at.SPEED_SQUARED] + car[at.SPEED_SQUARED_SLOPE] * larger(car[at.ALONG], 0.0)
     profile = sqrt(larger(squared, 0.0))
@@ -167,7 +168,7 @@ def assert_same(found, expected):
 
 def test_all_models_are_compared():
     rates = {model.rates.__name__ for model in MODELS}
-    assert rates == {"kinematic", "front_driven", "dynamic_linear", "dynamic_magic_formula"}
+    assert rates == {"kinematic", "front_driven", "dynamic_linear", "dynamic_magic_formula", "dynamic_both_ways"}
 
 
 @every_equipment

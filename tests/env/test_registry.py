@@ -161,11 +161,12 @@ DRIVING = {
     "powertrain": [{"gears": (3.5, 2.0, 1.2), "pedal_lag": 0.0}, {"creep": 0.0, "brake": 6.0}],
     "traffic": [
         [(0, "speed", 8), (0.2, "lead", 12, 5.0), (0.5, "lead_gone"), (0.6, "stop", 20.0), (0.9, "stop_gone")],
-        {"count": 4, "largest_speed": 30.0},
+        {"count": 4, "largest_speed": 30.0, "hazards": 1.0},
     ],
     "slope": [0.05, (-0.1, 0.02)],
     "wind": [-8.0, (0.0, 10.0)],
     "reference_speed_error": [1.0],
+    "friction_circle": [False],
 }
 IN_A_CIRCUIT = {
     **BETWEEN_WALLS,

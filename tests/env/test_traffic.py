@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lanekeep_env.scenario.drive import EVENTS, LARGEST_TABLE, MOST_EVENTS, Traffic
+from lanekeep_env.scenario.traffic import EVENTS, LARGEST_TABLE, MOST_EVENTS, Traffic
 
 
 def test_the_table_holds_every_event_and_no_more():

@@ -12,8 +12,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from lanekeep_baselines.werling import WerlingDrive, WerlingLateral, WerlingReverse, WerlingReverseAhead
+from lanekeep_baselines.werling import WerlingLateral, WerlingReverse, WerlingReverseAhead
 from lanekeep_baselines.werling_lateral import WerlingMeasured, WerlingTuning, blended_steering
+from lanekeep_baselines.werling_multi import WerlingDrive
 from lanekeep_baselines.werling_tyres import WerlingCar
 from lanekeep_benchmarks.replications import werling_plots as plots
 from lanekeep_benchmarks.replications.passat import Drive, Floats, ReverseBends, drive
@@ -168,6 +169,14 @@ def figure_10(found: Replication) -> None:
     for quantity, where, published, reproduced, unit, digits in (
         ("speed control takes over", "Figure 10", 12.5, time[takeover], "s", 2),
         ("shifts up before the car ahead", "Figure 10", 3.0, len(up), "", 0),
+        (
+            "largest acceleration until then, at most",
+            "Figure 10",
+            laws.most,
+            mean[time < time[takeover]].max(),
+            "m/s²",
+            2,
+        ),
         ("gap over L + τ v when the lead car turns off", "(28)", 1.0, driven["lead_gap"][late, 0] / wanted, "", 3),
         ("standstill (44.7 to 45.0 checked)", "Figure 10", 45.0, time[stands], "s", 2),
         ("distance of the stop point at 45 s, at most", "Figure 10", 2.0, at_45, "cm", 1),
@@ -186,7 +195,7 @@ def figure_10(found: Replication) -> None:
                     "taken over without a bump",
                     f"wanted acceleration changes by {np.abs(np.diff(asked))[takeover - 1]:.3f} m/s² in that step",
                 ),
-                ("three shifts on the way", f"at {', '.join(f'{t:.1f}' for t in up)} s: the third after the takeover"),
+                ("three shifts on the way", f"at {', '.join(f'{t:.1f}' for t in up)} s"),
                 (
                     "deceleration nearly constant",
                     f"{mean[braking].min():.2f} to {mean[braking].max():.2f} m/s² from 38 to 41 s",

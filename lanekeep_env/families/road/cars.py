@@ -14,11 +14,7 @@ from lanekeep_env.engine.given_state import check_state, row_of
 from lanekeep_env.families.road.kernel import ON_ROADS
 from lanekeep_env.rendering.road_picture import Pose
 from lanekeep_env.roads import Road, RoadSpec, SpeedSpec, road_set
-from lanekeep_env.scenario import (
-    CameraLaneScenario,
-    DriveScenario,
-    RoadScenario,
-)
+from lanekeep_env.scenario import CameraLaneScenario, RoadScenario
 
 
 @functools.lru_cache(maxsize=16)
@@ -94,10 +90,7 @@ class RoadCars(Cars):
 
     def _drive(self) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Numbers of the powertrain and the timelines, None without a powertrain."""
-        s = self.scenario
-        if not isinstance(s, DriveScenario):
-            return None, None
-        return s.powertrain.numbers(s.integration.step).astype(self.dtype), s.traffic.build()
+        return None, None
 
     def _camera(self) -> np.ndarray | None:
         """Numbers of the camera and the marking of each row of the road table, or None without a camera."""
@@ -120,7 +113,11 @@ class RoadCars(Cars):
         if drive is not None and timelines is not None:
             sizes[at.TIMELINE] = len(timelines)
             further[at.EVENT] = ("event", 0.0, float(timelines.shape[1]))
-            further[at.GEAR] = ("gear", 0.0, float(drive[at.D_GEARS]) - 1.0)
+            further[at.GEAR] = ("gear", -1.0, float(drive[at.D_GEARS]) - 1.0)
+            for row in (at.LEAD_SIGHT, at.STOP_SIGHT):
+                further[row + at.SIGHT_STEP] = ("step", -1.0, 1e9)
+                further[row + at.SIGHT_EVENT] = ("event", 0.0, float(timelines.shape[1]) - 1.0)
+                further[row + at.SIGHT_SEGMENT] = ("segment", 0.0, float(len(segments)) - 1.0)
         check_state(state, self.settings, sizes, further)
         length = row_of(state["cars"], at.SEGMENT_LENGTH, self.num_cars)
         along = row_of(state["cars"], at.ALONG, self.num_cars)

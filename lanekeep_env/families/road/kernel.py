@@ -1,4 +1,4 @@
-"""What environments on a road do in a step: crossing segments, traffic, reward, observation."""
+"""What environments on a road do in a step: crossing segments, reward, observation."""
 
 from __future__ import annotations
 
@@ -10,12 +10,9 @@ from lanekeep_env.engine.step import Family
 from lanekeep_env.families.road.segments import cross_segments, look_ahead
 from lanekeep_env.families.road.start import start_on_road
 from lanekeep_env.physics.numeric import larger, like, smaller
-from lanekeep_env.physics.powertrain import pull
 from lanekeep_env.sensing.camera import edge_distance
 from lanekeep_env.sensing.measure import measure
-from lanekeep_env.tasks.driving import happen, move_on, wanted_speed
 from lanekeep_env.tasks.lane_keeping import judge
-from lanekeep_env.tasks.termination import CONTACT
 
 #: Rows that follow from the state or that it follows from.
 STATE_ROWS = (
@@ -40,47 +37,19 @@ STATE_ROWS = (
 
 
 @helper
-def _begin(k, cars, counters, settings, equipment):
-    _surroundings(k, cars, counters, settings, equipment[5])
-
-
-@helper
-def _surroundings(k, cars, counters, settings, timelines):
-    """What a control step begins with around cars that have a powertrain: the events that are due, no way driven."""
-    if timelines is not None:
-        first, block = k * cars.shape[2], cars[k]
-        for i in range(cars_in(k, cars, counters)):
-            happen(i, block, timelines[counters[at.TIMELINE, first + i]], settings)
-            block[at.WAY, i] = like(settings[0], 0.0)
-
-
-@helper
-def _before_substep(k, cars, counters, settings, equipment):
-    _pull(k, cars, counters, settings, equipment[4])
-
-
-@helper
-def _pull(k, cars, counters, settings, drive):
-    """Longitudinal acceleration of cars with a powertrain in the sub-step to come."""
-    if drive is not None:
-        for i in range(cars_in(k, cars, counters)):
-            pull(i, cars[k], settings, drive)
-
-
-@helper
-def _after_substep(k, cars, counters, world):
+def after_substep(k, cars, counters, world):
     cross_segments(k, cars, counters, world[0])
 
 
 @helper
-def _still(i, block):
+def still(i, block):
     """A car that has diverged stands at the start of its segment: nothing of its state is shown."""
     for row in STATE_ROWS:
         block[row, i] = like(block[0, 0], 0.0)
 
 
 @helper
-def _judge_lane(n, block, settings, outcome):
+def judge_lane(n, block, settings, outcome):
     """Reward and flags of the block's first ``n`` cars, column by column of ``outcome``."""
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     half_lane, cap = settings[at.HALF_LANE], settings[at.COST_CAP]
@@ -110,39 +79,14 @@ def _judge_lane(n, block, settings, outcome):
 
 
 @helper
-def _judge_drive(n, block, settings, outcome, drive):
-    """Add the speed error of cars with a powertrain to the reward; a lead car that is met ends the episode."""
-    if drive is not None:
-        reward_, terminated_, cost_ = outcome[at.O_REWARD], outcome[at.O_TERMINATED], outcome[at.O_COST]
-        seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
-        cap, horizon, reference = settings[at.COST_CAP], settings[at.HORIZON], settings[at.SPEED_REFERENCE]
-        ends = settings[at.DEPARTURE] == at.TERMINATE
-        zero, one = like(seconds, 0.0), like(seconds, 1.0)
-        for i in range(n):
-            move_on(i, block[at.WAY, i], seconds, block)
-            wanted = wanted_speed(block[at.SET_SPEED, i], block[at.LEAD_GAP, i], block[at.STOP_GAP, i])
-            error = (block[at.SPEED, i] - wanted) / reference
-            if cost_[i] == zero:  # a departure has been charged for all that follows
-                reward_[i] = -smaller(error * error * seconds - reward_[i], cap * seconds)
-            if block[at.LEAD_GAP, i] <= zero:
-                cost_[i] = one
-                block[at.DEPARTED, i] = one
-                block[at.LEAD_GAP, i] = zero
-                left = horizon - block[at.STEP, i]
-                reward_[i] = -cap * seconds * (one + (left if left > zero else zero) if ends else one)
-                terminated_[i] = like(seconds, CONTACT) if ends else zero
-
-
-@helper
 def _judge(k, cars, counters, world, settings, equipment, outcome):
     first = k * cars.shape[2]
     n = cars_in(k, cars, counters)
-    _judge_lane(n, cars[k], settings, outcome[:, first : first + n])
-    _judge_drive(n, cars[k], settings, outcome[:, first : first + n], equipment[4])
+    judge_lane(n, cars[k], settings, outcome[:, first : first + n])
 
 
 @helper
-def _report(k, first, last, cars, settings, outcome):
+def report(k, first, last, cars, settings, outcome):
     """Copy the truth that a state decides."""
     block, told = cars[k], outcome[:, k * cars.shape[2] :]
     for i in range(first, last):
@@ -155,7 +99,7 @@ def _report(k, first, last, cars, settings, outcome):
 
 
 @helper
-def _observe(span, cars, counters, world, settings, equipment, observation):
+def observe(span, cars, counters, world, settings, equipment, observation):
     """Write what the rows of cars hold, the road ahead, and what sensors make of it."""
     k, first, last = span
     begin = k * cars.shape[2]
@@ -188,12 +132,10 @@ ON_ROADS = Family(
     name="on_roads",
     command_row=at.COMMAND,
     outcome_rows=at.OUTCOME_ROWS,
-    begin=_begin,
-    before_substep=_before_substep,
-    after_substep=_after_substep,
-    still=_still,
+    after_substep=after_substep,
+    still=still,
     judge=_judge,
-    report=_report,
-    observe=_observe,
+    report=report,
+    observe=observe,
     start=start_on_road,
 )

@@ -8,15 +8,31 @@ from lanekeep_env import layout as at
 from lanekeep_env.compile import helper
 from lanekeep_env.engine.episode import DRAW_HEADING, DRAW_LATERAL, DRAW_PLACE, DRAW_STATION, draw_car, set_speed
 from lanekeep_env.families.road.segments import load_segment
-from lanekeep_env.physics.integrate import LARGEST_SIDESLIP
+from lanekeep_env.physics.integrate import LARGEST_SIDESLIP, LARGEST_SPEED
 from lanekeep_env.physics.numeric import clip, like
-from lanekeep_env.physics.powertrain import choose_gear
+from lanekeep_env.physics.powertrain import choose_gear, engage
 from lanekeep_env.randomness import derive, uniform
-from lanekeep_env.tasks.driving import happen
+from lanekeep_env.tasks.driving import happen, sight
 from lanekeep_env.tasks.lane_keeping import steady_turning
 
 #: Counters of the draws of a powertrain's episode, behind those of the car.
 DRAW_TIMELINE, DRAW_SLOPE, DRAW_WIND = np.int64(80), np.int64(81), np.int64(82)
+#: What such a car starts without.
+_AT_REST = (
+    *(at.PULL, at.PULL_BEFORE, at.PEDAL, at.THROTTLE, at.BRAKE, at.SHIFT, at.SHIFTED, at.WAY),
+    *(
+        at.EVENT,
+        at.AVOIDABLE,
+        at.ENDING,
+        at.FAILED,
+        at.SET_SPEED,
+        at.LEAD_SPEED,
+        at.LEAD_TARGET,
+        at.LEAD_RATE,
+        at.LEAD_SEEN,
+    ),
+    *range(at.LEAD_SIGHT, at.LEAD_SIGHT + 2 * at.SIGHT_SIZE),
+)
 
 
 @helper
@@ -52,6 +68,7 @@ def start_on_road(place, wanted, cars, counters, world, settings, equipment):
         block[at.CAR_ROWS + row, i] = steer
     for row in (at.STEP, at.DONE, at.DEPARTED):
         block[row, i] = like(settings[0], 0.0)
+    see_first(i, block, counted, timelines)
 
 
 @helper
@@ -86,7 +103,8 @@ def _steady(i, key, along, block, settings):
         target = set_speed(i, key, np.int64(0), block, settings)
         v = min(target, v)
     if settings[at.POWERED] > 0.0:
-        v = target = np.float64(block[at.SET_SPEED, i])
+        v = np.float64(block[at.SET_SPEED, i])
+        target = LARGEST_SPEED if v >= 0.0 else -LARGEST_SPEED
     block[at.SPEED, i] = v
     block[at.SPEED_TARGET, i] = target
     steer, beta, r = steady_turning(
@@ -116,15 +134,27 @@ def start_drive(i, key, block, counted, settings, drive, timelines):
     if timelines is not None:
         which = np.int64(uniform(key, DRAW_TIMELINE) * timelines.shape[0])
         counted[at.TIMELINE, i] = which
-        zero, far = like(settings[0], 0.0), like(settings[0], at.FAR)
-        for row in (at.PULL, at.PEDAL, at.THROTTLE, at.BRAKE, at.SHIFT, at.SET_SPEED, at.LEAD_SPEED, at.EVENT, at.WAY):
-            block[row, i] = zero
-        block[at.STEP, i] = zero  # the time of the first events
-        block[at.LEAD_GAP, i] = far
-        block[at.STOP_GAP, i] = far
+        for row in _AT_REST:
+            block[row, i] = like(settings[0], 0.0)
+        block[at.STEP, i] = like(settings[0], 0.0)  # the time of the first events
+        block[at.LEAD_GAP, i] = at.NOWHERE
+        block[at.STOP_GAP, i] = at.FAR
+        block[at.FRONT_GRIP, i] = block[at.FRONT_PEAK, i]
+        block[at.REAR_GRIP, i] = block[at.REAR_PEAK, i]
         low, high = np.float64(settings[at.SLOPE_LOW]), np.float64(settings[at.SLOPE_HIGH])
         block[at.SLOPE, i] = low + (high - low) * uniform(key, DRAW_SLOPE)
         low, high = np.float64(settings[at.WIND_LOW]), np.float64(settings[at.WIND_HIGH])
         block[at.WIND, i] = low + (high - low) * uniform(key, DRAW_WIND)
-        happen(i, block, timelines[which], settings)
-        block[at.GEAR, i] = choose_gear(block[at.SET_SPEED, i], drive)
+        happen(i, block, counted, timelines[which], settings)
+        block[at.LEAD_SEEN, i] = block[at.LEAD_SPEED, i]
+        backwards = block[at.SET_SPEED, i] < 0.0
+        engage(i, np.int64(-1) if backwards else choose_gear(block[at.SET_SPEED, i], drive), block, drive)
+
+
+@helper
+def see_first(i, block, counted, timelines):
+    """Write what car i sees at its start of what is there already; the observation of the reset shows it."""
+    if timelines is not None:
+        for row in (at.LEAD_SIGHT, at.STOP_SIGHT):
+            sight(i, row, block[row + at.SIGHT_GAP, i], block[row + at.SIGHT_EVENT, i], block, counted)
+            block[row + at.SIGHT_STEP, i] = -1.0

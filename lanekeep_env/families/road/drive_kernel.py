@@ -1,0 +1,137 @@
+"""What cars with a powertrain add to those on a road: pedals, traffic, and how that is judged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lanekeep_env import layout as at
+from lanekeep_env.compile import helper
+from lanekeep_env.engine.episode import cars_in
+from lanekeep_env.families.road.kernel import ON_ROADS, judge_lane, report
+from lanekeep_env.physics.numeric import like, magnitude, select, smaller
+from lanekeep_env.physics.powertrain import change_gear, find_due, pull
+from lanekeep_env.tasks.avoidable import avoided
+from lanekeep_env.tasks.driving import AT_THE_STOP, happen, move_on, wanted_speed
+from lanekeep_env.tasks.termination import CONTACT, STOP_PASSED
+
+# Behind sensors, gear, floor and camera the equipment holds the powertrain's numbers and the timelines.
+_DRIVE, _TIMELINES = 4, 5
+
+
+@helper
+def _begin(k, cars, counters, settings, equipment):
+    """What a control step begins with: the events that are due, no way driven."""
+    timelines, first, block = equipment[_TIMELINES], k * cars.shape[2], cars[k]
+    counted, n = counters[:, first:], cars_in(k, cars, counters)
+    find_due(n, block, equipment[_DRIVE])
+    due_, way_, pull_, before_ = block[at.DUE], block[at.WAY], block[at.PULL], block[at.PULL_BEFORE]
+    for i in range(n):
+        if due_[i] > like(due_[i], 0.0):
+            if block[at.STEP, i] >= block[at.EVENT_STEP, i]:
+                happen(i, block, counted, timelines[counted[at.TIMELINE, i]], settings)
+            change_gear(i, block, equipment[_DRIVE])
+    for i in range(n):
+        way_[i] = like(way_[i], 0.0)
+        before_[i] = pull_[i]
+
+
+@helper
+def _before_substep(k, cars, counters, settings, equipment):
+    pull(cars_in(k, cars, counters), cars[k], settings, equipment[_DRIVE])
+
+
+@helper
+def _charge_speed(n, begin, block, settings, outcome):
+    """Add the speed error to the reward; a departure has been charged for all that follows."""
+    reward_, cost_ = outcome[at.O_REWARD], outcome[at.O_COST]
+    v_, set_, gap_, stop_ = block[at.SPEED], block[at.SET_SPEED], block[at.LEAD_GAP], block[at.STOP_GAP]
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    most, reference, zero = settings[at.COST_CAP] * seconds, settings[at.SPEED_REFERENCE], like(seconds, 0.0)
+    for i in range(n):
+        error = (v_[i] - wanted_speed(set_[i], gap_[i], stop_[i])) / reference
+        reward = reward_[begin + i]
+        both = -smaller(error * error * seconds - reward, most)
+        reward_[begin + i] = select(cost_[begin + i] == zero, both, reward)
+
+
+@helper
+def _end(n, block, counted, road, settings, equipment, outcome):
+    """Let a car ahead that is met, or a stop point that is passed, end the episode, and say if it was avoidable."""
+    reward_, terminated_, cost_ = outcome[at.O_REWARD], outcome[at.O_TERMINATED], outcome[at.O_COST]
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    worst, horizon = settings[at.COST_CAP] * seconds, settings[at.HORIZON]
+    ends = settings[at.DEPARTURE] == at.TERMINATE
+    zero, one = like(seconds, 0.0), like(seconds, 1.0)
+    for i in range(n):
+        end = block[at.ENDING, i]
+        if end > zero:
+            if block[at.AVOIDABLE, i] > zero:
+                row = at.LEAD_SIGHT if end == like(seconds, CONTACT) else at.STOP_SIGHT
+                timeline = equipment[_TIMELINES][counted[at.TIMELINE, i]]
+                block[at.AVOIDABLE, i] = avoided(i, row, block, timeline, road, settings, equipment[_DRIVE])
+            block[at.FAILED, i] = end
+            block[at.DEPARTED, i] = one
+            cost_[i] = one
+            left = horizon - block[at.STEP, i]
+            reward_[i] = -worst * (one + (left if left > zero else zero) if ends else one)
+            terminated_[i] = end if ends else zero
+
+
+@helper
+def _judge(k, cars, counters, world, settings, equipment, outcome):
+    first = k * cars.shape[2]
+    n = cars_in(k, cars, counters)
+    block, told = cars[k], outcome[:, first : first + n]
+    judge_lane(n, block, settings, told)
+    endings = move_on(n, settings[at.STEP_TIME] * settings[at.SUBSTEPS], block)
+    _charge_speed(n, first, block, settings, outcome)
+    if endings > 0:
+        _end(n, block, counters[:, first:], world[0], settings, equipment, told)
+
+
+@helper
+def _report(k, first, last, cars, settings, outcome):
+    """Copy the truth that a state decides, with gaps, errors and jerk."""
+    report(k, first, last, cars, settings, outcome)
+    # Whole rows, whose numbers lie side by side: those of a part of the columns make no SIMD code.
+    block, begin = cars[k], k * cars.shape[2]
+    gap_, lead_, stop_, v_ = block[at.LEAD_GAP], block[at.LEAD_SPEED], block[at.STOP_GAP], block[at.SPEED]
+    pull_, before_, set_ = block[at.PULL], block[at.PULL_BEFORE], block[at.SET_SPEED]
+    ending_, avoidable_ = block[at.ENDING], block[at.AVOIDABLE]
+    gaps, times, stops = outcome[at.O_GAP], outcome[at.O_TIME_TO_COLLISION], outcome[at.O_STOP_ERROR]
+    errors, jerks, contacts, overruns = (
+        outcome[at.O_SPEED_ERROR],
+        outcome[at.O_JERK],
+        outcome[at.O_CONTACT],
+        outcome[at.O_OVERRUN],
+    )
+    met, passed = outcome[at.O_AVOIDABLE_CONTACT], outcome[at.O_AVOIDABLE_OVERRUN]
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    none, zero, one = like(seconds, np.inf), like(seconds, 0.0), like(seconds, 1.0)
+    contact, overrun, near = like(seconds, CONTACT), like(seconds, STOP_PASSED), like(seconds, AT_THE_STOP)
+    for i in range(first, last):
+        gap, stop, speed, ending = gap_[i], stop_[i], magnitude(v_[i]), ending_[i]
+        there, closing = gap < like(gap, 0.5 * at.NOWHERE), speed - lead_[i]
+        comes = there & (closing > zero)
+        gaps[begin + i] = select(there, gap, none)
+        times[begin + i] = select(comes, gap / select(comes, closing, one), none)
+        stops[begin + i] = select((stop < zero) | ((stop < near) & (speed == zero)), stop, zero)
+        errors[begin + i] = v_[i] - wanted_speed(set_[i], gap, stop)
+        jerks[begin + i] = (pull_[i] - before_[i]) / seconds
+        contacts[begin + i] = select(ending == contact, one, zero)
+        overruns[begin + i] = select(ending == overrun, one, zero)
+        met[begin + i] = select(ending == contact, avoidable_[i], zero)
+        passed[begin + i] = select(ending == overrun, avoidable_[i], zero)
+
+
+DRIVING = replace(
+    ON_ROADS,
+    name="driving",
+    outcome_rows=at.DRIVE_OUTCOME_ROWS,
+    begin=_begin,
+    before_substep=_before_substep,
+    judge=_judge,
+    report=_report,
+)
