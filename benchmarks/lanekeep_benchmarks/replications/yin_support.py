@@ -75,7 +75,8 @@ def support(found: Replication) -> None:
             if driver == "drowsy" and assisted and sensors is None:
                 shown = int(np.argmax(run["interventions"]))
                 found.pictures["lane_keeping_support.png"] = plots.support(
-                    0.05 * np.arange(STEPS), *(run[name][:, shown] for name in ("error", "driver", "added"))
+                    0.05 * np.arange(STEPS, dtype=np.float64),
+                    *(run[name][:, shown] for name in ("error", "driver", "added")),
                 )
     found.tables.append(
         Table(
