@@ -1,9 +1,9 @@
 # The same steps by hand and in .ci/run. Use an active virtual environment, or name one: make test PYTHON=.venv/bin/python
 PYTHON ?= python
 
-.PHONY: help install format lint types test slow smoke compat lowest bench speed same metrics fuzz ci
+.PHONY: help install format lint types test slow smoke compat clients lowest bench speed same metrics fuzz ci
 help:
-	@echo "make install | format | lint | types | test | smoke | compat | lowest | bench | speed | ci"
+	@echo "make install | format | lint | types | test | smoke | compat | clients | lowest | bench | speed | ci"
 	@echo "make same OLD=another checkout: whether both drive equal episodes, equally fast | metrics: sizes of the code"
 	@echo "make slow: the large draws of what the tests draw smaller"
 	@echo "make fuzz: 10,000 random scenarios, 3,000 damaged files of each kind (half an hour)"
@@ -36,6 +36,10 @@ smoke:
 # A part of the tests (which: .ci/compat) with the lowest versions that are admitted and with the newest; Python 3.11.
 compat:
 	PYTHON="$(PYTHON)" bash .ci/compat
+
+# Other people's trainers (tests/clients), each kind in a virtual environment of its own.
+clients:
+	PYTHON="$(PYTHON)" bash .ci/clients
 
 # constraints-lowest.txt anew after a bound has changed; needs uv. Resolved as for macOS, where torch brings no CUDA
 # packages; the other pins are the same on Linux.

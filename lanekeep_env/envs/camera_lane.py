@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gymnasium as gym
+
 from lanekeep_env.envs.road_env import RoadEnv
 from lanekeep_env.scenario import CameraLaneScenario, TurnOffScenario
 
 
-class CameraLaneEnv(RoadEnv):
+class CameraLaneEnv(RoadEnv, gym.Env):
     """
     ## Description
 
@@ -77,7 +79,7 @@ class CameraLaneEnv(RoadEnv):
     scenario_class = CameraLaneScenario
 
 
-class TurnOffEnv(RoadEnv):
+class TurnOffEnv(RoadEnv, gym.Env):
     """
     ## Description
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gymnasium as gym
+
 from lanekeep_env.envs.wall_env import CourseEnv
 from lanekeep_env.scenario import ObstacleCircuitScenario, ParallelParkScenario
 
 
-class ObstacleCircuitEnv(CourseEnv):
+class ObstacleCircuitEnv(CourseEnv, gym.Env):
     """
     ## Description
 
@@ -70,7 +72,7 @@ class ObstacleCircuitEnv(CourseEnv):
     scenario_class = ObstacleCircuitScenario
 
 
-class ParallelParkEnv(CourseEnv):
+class ParallelParkEnv(CourseEnv, gym.Env):
     """
     ## Description
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gymnasium as gym
+
 from lanekeep_env.envs.road_env import RoadEnv
 from lanekeep_env.scenario import DriveScenario
 
 
-class DriveEnv(RoadEnv):
+class DriveEnv(RoadEnv, gym.Env):
     """
     ## Description
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gymnasium as gym
+
 from lanekeep_env.envs.road_env import RoadEnv
 from lanekeep_env.scenario import EvasiveScenario, ReversePathScenario
 
 
-class EvasiveEnv(RoadEnv):
+class EvasiveEnv(RoadEnv, gym.Env):
     """
     ## Description
 
@@ -47,7 +49,7 @@ class EvasiveEnv(RoadEnv):
     scenario_class = EvasiveScenario
 
 
-class ReversePathEnv(RoadEnv):
+class ReversePathEnv(RoadEnv, gym.Env):
     """
     ## Description
 

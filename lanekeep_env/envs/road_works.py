@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gymnasium as gym
+
 from lanekeep_env.envs.road_env import RoadEnv
 from lanekeep_env.scenario import RoadWorksScenario
 
 
-class RoadWorksEnv(RoadEnv):
+class RoadWorksEnv(RoadEnv, gym.Env):
     """
     ## Description
 

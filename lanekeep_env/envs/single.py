@@ -36,7 +36,8 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
         self.scenario = self.scenario_class.from_keywords(("render_mode", "dtype"), **scenario)
         self.render_mode = render_mode
         self._shown = render_mode == "human"
-        self._picture: Any = self.make_picture(self.scenario) if render_mode else None
+        # Pictures are made when the first one is asked for: trainers ask for the mode alone, and need no pygame.
+        self._picture: Any = self.make_picture(self.scenario) if self._shown else None
         self._window: Window | None = None
         self.observation_space = observation_space(self.scenario)
         self._core = self.make_cars(self.scenario, 1, dtype)

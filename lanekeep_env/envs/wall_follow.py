@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gymnasium as gym
+
 from lanekeep_env.envs.wall_env import WallEnv
 from lanekeep_env.scenario import CircuitScenario, WallFollowScenario
 
 
-class WallFollowEnv(WallEnv):
+class WallFollowEnv(WallEnv, gym.Env):
     """
     ## Description
 
@@ -78,7 +80,7 @@ class WallFollowEnv(WallEnv):
     scenario_class = WallFollowScenario
 
 
-class CircuitEnv(WallEnv):
+class CircuitEnv(WallEnv, gym.Env):
     """
     ## Description
 

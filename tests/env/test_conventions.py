@@ -131,10 +131,16 @@ def test_cameras_and_loops_of_any_rate(env_id, rate):
         assert ends[0] == pytest.approx(ends[1], abs=0.01)
 
 
+@pytest.mark.parametrize("env_id", IDS)
+def test_environments_are_told_by_their_direct_bases(env_id):
+    """skrl looks at those alone."""
+    assert gym.Env in type(gym.make(env_id).unwrapped).__bases__
+    assert VectorEnv in type(gym.make_vec(env_id, 1).unwrapped).__bases__
+
+
 def test_other_names_of_frameworks_are_there():
     env = gym.make_vec(ID, 2, "vector_entry_point", autoreset_mode="same_step")
     assert env.unwrapped.autoreset_mode is env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-    assert VectorEnv in type(env.unwrapped).__bases__  # skrl looks there
     with pytest.raises(TypeError, match="got an unexpected keyword argument 'frameskip'"):  # TorchRL reads this
         gym.make(ID, frameskip=1)
 

@@ -104,6 +104,18 @@ def test_pygame_stays_out_unless_pictures_are_asked_for():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.parametrize("name", ["lanekeep/LaneKeep-v0", "lanekeep/WallFollow-v0"])
+def test_a_mode_alone_needs_no_pygame_as_trainers_ask_for_it_at_any_rate(name, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    env = gym.make(name, render_mode="rgb_array")
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    with pytest.raises(ImportError, match=r"lanekeep\[render\]"):
+        env.render()
+    with pytest.raises(ImportError, match=r"lanekeep\[render\]"):
+        gym.make(name, render_mode="human")
+
+
 def test_render_without_a_mode_warns():
     env = gym.make("lanekeep/LaneKeep-v0")
     env.reset(seed=0)

@@ -114,17 +114,20 @@ def run(
         return course.finish(model)
 
 
-def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
-    """A fresh algorithm on ``env``."""
-    rate, last = settings.learning_rate, settings.final_learning_rate
+def network_of(settings: TrainingSettings) -> dict[str, Any]:
+    """The networks as Stable-Baselines3's ``policy_kwargs`` name them."""
     value = "vf" if settings.algorithm == "ppo" else "qf"
     network: dict[str, Any] = {
         "net_arch": {"pi": list(settings.hidden), value: list(settings.critic)},
         "activation_fn": _ACTIVATIONS[settings.activation],
     }
+    return {**network, "log_std_init": settings.log_std} if settings.algorithm == "ppo" else network
+
+
+def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
+    """A fresh algorithm on ``env``."""
+    rate, last = settings.learning_rate, settings.final_learning_rate
     further = dict(settings.parameters)
-    if settings.algorithm == "ppo":
-        network["log_std_init"] = settings.log_std
     if settings.algorithm == "td3":
         shape = env.action_space.shape or ()
         further["action_noise"] = NormalActionNoise(np.zeros(shape), np.full(shape, settings.action_noise))
@@ -137,7 +140,7 @@ def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
             gamma=settings.gamma,
             seed=settings.seed_of("training"),
             device="cpu",
-            policy_kwargs=network,
+            policy_kwargs=network_of(settings),
             **further,
         )
     except (TypeError, AssertionError) as error:
