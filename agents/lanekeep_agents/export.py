@@ -57,6 +57,12 @@ def export_sb3(
         raise ValueError(f"features_extractor={type(extractor).__name__} is not allowed: it must be FlattenExtractor")
     dense, activation = _dense(layers)
     inputs = dense[0].in_features
+    observed = int(np.prod(model.observation_space.shape))
+    if inputs != observed:
+        raise ValueError(
+            f"policy={type(model.policy).__name__} is not allowed: its actor reads {inputs} numbers, which are not the "
+            f"{observed} of the observation (a recurrent one reads its memory)"
+        )
     normalisation, mean, variance = _statistics(vec_normalize, inputs // frames if normalized_frames else inputs)
     if normalized_frames:
         mean, variance = np.tile(mean, frames), np.tile(variance, frames)

@@ -40,7 +40,10 @@ class CarVecEnv(VecEnv):
         return observation
 
     def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
-        """Keep reset options for the next `reset`: one mapping for all cars, or one a car with the same keys."""
+        """Keep reset options for the next `reset`: one mapping for all cars, or one a car with the same keys.
+
+        What episodes draw is bounded at once, for each car's next one on: callbacks narrow it while a model learns.
+        """
         each = [options or {}] * self.num_envs if not isinstance(options, list) else options
         if len(each) != self.num_envs or len({tuple(sorted(one)) for one in each}) > 1:
             raise ValueError(f"reset options must be one mapping, or {self.num_envs} of them with the same keys")
@@ -49,6 +52,7 @@ class CarVecEnv(VecEnv):
             key: value if all(one[key] == value for one in each) else np.array([one[key] for one in each])
             for key, value in each[0].items()
         }
+        self.env.unwrapped.narrow(self._start)  # type: ignore[attr-defined]
 
     def _reset_options(self) -> None:
         self._start = {}

@@ -40,8 +40,8 @@ def is_code(text: str) -> bool:
     return bool(colon and where) and name.isidentifier()
 
 
-def load_factory(text: str) -> Callable[[Any], Any]:
-    """Import what ``text`` names; it takes a scenario and gives a policy.
+def load_factory(text: str, allowed: str = "takes a scenario and returns a policy") -> Callable[..., Any]:
+    """Import what ``text`` names, a function or class that does what ``allowed`` says.
 
     Raises:
         ValueError: there is no such file, module or factory, or its code fails; one line that says where.
@@ -53,7 +53,7 @@ def load_factory(text: str) -> Callable[[Any], Any]:
         there = [key for key, value in vars(module).items() if callable(value) and not key.startswith("_")]
         raise ValueError(
             f"policy {shown(text)}: {shown_path(where)} has no function or class {name!r}{nearest(name, there)}; "
-            "allowed: one that takes a scenario and returns a policy"
+            f"allowed: one that {allowed}"
         )
     return factory
 

@@ -12,6 +12,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from lanekeep_benchmarks.console import watched
 from lanekeep_benchmarks.endings import disk_errors, input_errors, interruptible
+from lanekeep_env.checks import shown
 
 if TYPE_CHECKING:
     from lanekeep_agents.policy_record import Training
@@ -93,13 +94,14 @@ def _callback(text: str) -> Any:
     """Make the callback that a person named on the command line."""
     from stable_baselines3.common.callbacks import BaseCallback
 
-    from lanekeep_benchmarks.own_code import load_factory
+    from lanekeep_benchmarks.own_code import FORMS, is_code, load_factory
 
+    if not is_code(text):
+        raise ValueError(f"--callback {shown(text)} is not allowed: it must be {FORMS}")
     try:
-        factory: Any = load_factory(text)
-        made = factory()
+        made = load_factory(text, "takes nothing and returns a callback of Stable-Baselines3")()
     except (TypeError, ValueError) as error:
-        raise ValueError(f"--callback: {error}") from error
+        raise ValueError(f"--callback: {str(error).removeprefix('policy ')}") from error
     if not isinstance(made, BaseCallback):
         raise ValueError(f"--callback: {text} made a {type(made).__name__}; it must be a callback of Stable-Baselines3")
     return made

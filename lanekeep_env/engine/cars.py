@@ -132,6 +132,12 @@ class Cars:
                 self.ranges[:] = bounds(drawn, self.scenario)
         self._reset(mask, start, *self.state, observation, outcome)
 
+    def narrow(self, options: dict[str, Any]) -> None:
+        """Keep those reset options that bound what episodes draw, for each car's next one on."""
+        _, drawn = split(options, self.start_options)
+        if drawn:
+            self.ranges[:] = bounds(drawn, self.scenario)
+
     def seed(self, seeds: Sequence[int | None]) -> None:
         """Give car i the base key of ``seeds[i]``, the first draw of Gymnasium's generator for that seed."""
         for i, seed in enumerate(seeds):

@@ -108,3 +108,11 @@ def test_actors_of_other_kinds_are_refused():
     noisy = SAC("MlpPolicy", env, use_sde=True, buffer_size=10, device="cpu")
     with pytest.raises(ValueError, match="it must be Linear"):
         export_sb3(noisy)
+
+
+def test_an_actor_that_reads_something_else_than_the_observation_is_refused():
+    """As that of sb3-contrib's RecurrentPPO does, behind its LSTM."""
+    model, env = build(PPO)
+    model.policy.mlp_extractor.policy_net[0] = torch.nn.Linear(256, 32)
+    with pytest.raises(ValueError, match=r"policy=ActorCriticPolicy .*reads 256 numbers.*recurrent"):
+        export_sb3(model, env)

@@ -126,3 +126,21 @@ def test_options_bound_what_the_cars_of_later_episodes_are():
         assert (env.truth["speed"] <= 12.0).all()
     with pytest.raises(ValueError, match="reset options"):
         env.set_options([{"speed": 0.5}] * 3)
+    with pytest.raises(ValueError, match="reset option speed"):
+        env.set_options({"speed": (0.4, 0.6)})
+
+
+def test_options_bound_episodes_that_begin_by_themselves_as_well():
+    """A model resets its cars once; what a callback says in between holds from each car's next episode on."""
+    task = {"road": "straight", "speed": 20.0, "randomisation": {"speed": (0.5, 1.0)}, "episode_steps": 3}
+    env = sb3_vec_env("lanekeep/LaneKeep-v0", 4, **task)
+    env.seed(0)
+    env.reset()
+    running = env.step(np.zeros((4, 1), np.float32)) and env.truth["speed"].copy()
+    env.set_options({"speed": (0.5, 0.51)})
+    env.step(np.zeros((4, 1), np.float32))
+    assert running.max() > 10.2
+    np.testing.assert_allclose(env.truth["speed"], running, atol=0.01)
+    for _ in range(4):
+        env.step(np.zeros((4, 1), np.float32))
+        assert (env.truth["speed"] <= 10.2 + 1e-6).all()

@@ -258,3 +258,22 @@ def test_new_controller_runs_and_passes_its_test(folder, capsys):
         assert main(["new", "controller", name]) == 2
         assert capsys.readouterr().err.count("\n") == 1
     assert (folder / "far_sighted.py").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("mine.py", "'mine.py' is not allowed: it must be module:factory or path/to/file.py:factory"),
+        ("mine.py:maek", "no function or class 'maek' (did you mean 'make'?); allowed: one that takes nothing and "),
+        ("mine.py:make", "mine.py:make made a dict; it must be a callback of Stable-Baselines3"),
+        ("other.py:make", "other.py: No such file or directory"),
+    ],
+)
+def test_what_is_no_callback_is_refused_in_words_of_callbacks(given, words, tmp_path, monkeypatch, capsys):
+    pytest.importorskip("stable_baselines3")
+    (tmp_path / "mine.py").write_text("def make():\n    return {}\n")
+    monkeypatch.chdir(tmp_path)
+    assert main(["train", "ppo", "LaneKeep-v0", "--callback", given]) == 2
+    told = capsys.readouterr().err
+    assert words in told and "policy" not in told and told.count("\n") == 1
+    assert not (tmp_path / "results").exists()

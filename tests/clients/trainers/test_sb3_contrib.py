@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gymnasium as gym
+import numpy as np
 import pytest
 
 pytest.importorskip("sb3_contrib")
@@ -28,3 +30,14 @@ def test_it_trains(env_id, algorithm, make):
     assert model.num_timesteps == 256
     assert all(torch.isfinite(tensor).all() for tensor in after)
     assert not all(map(torch.equal, before, after))
+
+
+def test_a_file_holds_an_actor_of_tqc_and_none_with_a_memory(env_id, tmp_path):
+    envs = make_vec_env(env_id, 2, seed=0)
+    model = TQC("MlpPolicy", envs, device="cpu", buffer_size=1000)
+    lanekeep_agents.save(tmp_path / "tqc.json", model)
+    policy = lanekeep_agents.load(tmp_path / "tqc.json", gym.make(env_id).unwrapped.scenario)
+    seen = envs.reset()
+    np.testing.assert_allclose(policy.predict(seen)[0], model.predict(seen, deterministic=True)[0], atol=1e-5)
+    with pytest.raises(ValueError, match="recurrent"):
+        lanekeep_agents.save(tmp_path / "lstm.json", RecurrentPPO("MlpLstmPolicy", envs, device="cpu"))
