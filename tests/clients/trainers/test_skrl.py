@@ -30,9 +30,8 @@ def test_ppo_trains_on_what_is_wrapped_by_itself(env_id, make):
     )
     models["policy"].init_state_dict(role="policy")  # its layers are lazy
     before = [tensor.clone() for tensor in models["policy"].parameters()]
-    SequentialTrainer(
-        env=env, agents=agent, cfg={"timesteps": 128, "disable_progressbar": True, "headless": True}
-    ).train()
+    quiet = {"disable_progressbar": True, "headless": True, "close_environment_at_exit": False}
+    SequentialTrainer(env=env, agents=agent, cfg={"timesteps": 128, **quiet}).train()
     after = list(models["policy"].parameters())
     assert all(torch.isfinite(tensor).all() for tensor in after)
     assert not all(map(torch.equal, before, after))
