@@ -59,8 +59,8 @@ _POLICIES = {
     "knightriders-obstacles": "knightriders_obstacles:KnightRidersObstacles",
     "knightriders-obstacles-published": "knightriders_obstacles_published:KnightRidersObstaclesPublished",
     "knightriders-park": "knightriders_park:KnightRidersPark",
-    "knightriders-park-published": "knightriders_park_published:KnightRidersParkPublished",
     "knightriders-shunt": "knightriders_shunt:KnightRidersShunt",
+    "knightriders-park-published": "knightriders_park_published:KnightRidersParkPublished",
     "knightriders-modes": "knightriders_modes:KnightRidersModes",
 }
 
