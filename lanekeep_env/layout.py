@@ -113,7 +113,7 @@ ASSISTANCE = 85  # what the assistant adds to the driver's angle, rad
 LAPSE = 86  # control steps until a driver who does not look looks at the road again
 AIM = 87  # where the driver wants to be, m left of the lane's centre
 INTERVENTIONS = 88  # of the assistant in this episode
-HANDOVER = 89  # largest change of the assistance in a control step in which the authority changed, rad
+HANDOVER = 89  # largest change of the assistance in a step in which the authority changed, rad
 SET_POINT = 90  # distance from the road's edge that a camera-guided car is to keep, m
 # ... or with a powertrain:
 SHIFTED = 82  # direction of the last gear change: 1 up, -1 down
@@ -325,25 +325,8 @@ D_RATIOS = 27  # the same of the gears; GEARS_MOST of them
 GEARS_MOST = 8
 DRIVE_SIZE = 35
 
-# driver: float64, DRIVER_SIZE numbers, or None for an environment without
-V_PREVIEW = 0  # s ahead at which the road's curvature is steered for
-V_LATERAL = 1  # steering against the lateral error, 1/s²
-V_COURSE = 2  # against the course error, 1/s
-V_SHARE = 3  # of the remaining way that the hands go in a control step
-V_WANDER = 4  # standard deviation of where the driver wants to be, m
-V_KEEPS = 5  # what a control step leaves of that
-V_LAPSES = 6  # probability a control step that the driver looks away ...
-V_SHORTEST, V_LONGEST = 7, 8  # ... and for how many control steps
-V_ANGLE, V_ANGLE_GROWTH = 9, 10  # steering angle over curvature, m, and its growth with the speed's square, s²/m
-DRIVER_SIZE = 11
-
-# guidance: float64, GUIDANCE_SIZE numbers; then the bends of the roads, (bends, 2): station of the start (m) and length
-# (m), and of each road its first bend and their number; for camera-guided cars with set points or a faulty plan
-G_OFFSET, G_RADIUS, G_ANGLE, G_RECOGNISED = 0, 2, 4, 6  # low and high of the plan's errors
-G_SET_LOW, G_SET_HIGH = 8, 9  # of the set points, m
-G_HOLD = 10  # control steps between set points, inf for one an episode
-G_SIDE = 11  # 1 where the right edge is seen, -1 for the left one
-GUIDANCE_SIZE = 12
+# driver, guidance: float64, in the order of `scenario.driver` and `scenario.guidance`, or None; behind the guidance the
+# roads' bends, (bends, 2): station of the start and length, m, and each road's first bend and their number, (roads, 2)
 
 # timelines: (timelines, events, 4): time (s), kind, and up to two numbers; unused events are at inf
 E_TIME, E_KIND, E_FIRST, E_SECOND = 0, 1, 2, 3
@@ -383,10 +366,7 @@ O_SUCCESS = 10
 OUTCOME_ROWS = 11
 
 # With a driver, before the repetition of same-step autoreset:
-O_INTERVENTIONS = 11
-O_AUTHORITY = 12
-O_ASSISTANCE = 13
-O_HANDOVER = 14
+O_INTERVENTIONS, O_AUTHORITY, O_ASSISTANCE, O_HANDOVER = 11, 12, 13, 14
 SUPPORT_OUTCOME_ROWS = 15
 
 # Of walled worlds, before the repetition of same-step autoreset:

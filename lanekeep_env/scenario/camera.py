@@ -154,7 +154,7 @@ class CameraLaneScenario(RoadScenario):
         return self.set_points is not None or not self.plan_errors.none
 
     def guidance_numbers(self) -> np.ndarray:
-        """Numbers of set points and errors, (`layout.GUIDANCE_SIZE`,)."""
+        """Numbers of set points and errors, (12,)."""
         points = self.set_points or SetPoints(self.set_distance, self.set_distance, None)
         return guidance_numbers(self.plan_errors, points, self.camera.edge == "right", self.control_step)
 

@@ -8,8 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from lanekeep_env import layout as at
 from lanekeep_env.checks import plain_numbers, record_from, require
+
+#: Places of a driver's numbers: s ahead at which the road's curvature is steered for; steering against the lateral
+#: error, 1/s², and the course error, 1/s; share of the remaining way that the hands go in a control step; standard
+#: deviation of where the driver wants to be, m, and what a control step leaves of that;
+PREVIEW, LATERAL, COURSE, SHARE, WANDER, KEEPS = 0, 1, 2, 3, 4, 5
+#: probability a control step that the driver looks away, and for how many of them; steering angle over curvature, m,
+#: and its growth with the speed's square, s²/m.
+LAPSES, SHORTEST, LONGEST, ANGLE, ANGLE_GROWTH = 6, 7, 8, 9, 10
 
 
 @dataclass(frozen=True)
@@ -59,21 +66,21 @@ class Driver:
         return self.wander > 0.0
 
     def numbers(self, step: float, steering: tuple[float, float]) -> np.ndarray:
-        """Numbers for the kernel, (`layout.DRIVER_SIZE`,).
+        """Numbers for the kernel, (11,).
 
         Args:
             step: the control step, s.
             steering: angle over curvature of the car, m, and its growth with the speed's square, s²/m.
         """
-        values = np.zeros(at.DRIVER_SIZE)
-        values[at.V_PREVIEW] = self.preview_time
-        values[at.V_LATERAL] = self.frequency**2
-        values[at.V_COURSE] = 2.0 * self.damping * self.frequency
-        values[at.V_SHARE] = 1.0 - np.exp(-step / self.lag) if self.lag > 0.0 else 1.0
-        values[at.V_WANDER], values[at.V_KEEPS] = self.wander, np.exp(-step / self.wander_time)
-        values[at.V_LAPSES] = 1.0 - np.exp(-self.lapse_rate * step)
-        values[at.V_SHORTEST], values[at.V_LONGEST] = self.shortest_lapse / step, self.longest_lapse / step
-        values[at.V_ANGLE : at.V_ANGLE + 2] = steering
+        values = np.zeros(ANGLE_GROWTH + 1)
+        values[PREVIEW] = self.preview_time
+        values[LATERAL] = self.frequency**2
+        values[COURSE] = 2.0 * self.damping * self.frequency
+        values[SHARE] = 1.0 - np.exp(-step / self.lag) if self.lag > 0.0 else 1.0
+        values[WANDER], values[KEEPS] = self.wander, np.exp(-step / self.wander_time)
+        values[LAPSES] = 1.0 - np.exp(-self.lapse_rate * step)
+        values[SHORTEST], values[LONGEST] = self.shortest_lapse / step, self.longest_lapse / step
+        values[ANGLE : ANGLE + 2] = steering
         return values
 
 

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from lanekeep_env import layout as at
 from lanekeep_env.checks import from_mapping, plain_numbers, require, shown
 from lanekeep_env.walls.generators import range_of
 
+#: Places of the guidance's numbers: low and high of the plan's errors, in the order of `PlanErrors`, and of the set
+#: points, m; control steps between these, inf for one an episode; 1 where the right edge is seen, -1 for the left one.
+OFFSET, RADIUS, ANGLE, RECOGNISED, SET_LOW, SET_HIGH, HOLD, SIDE = 0, 2, 4, 6, 8, 9, 10, 11
 #: Way ahead at which a bend is in the plan where it always is, m.
 _ALWAYS = 1e9
 #: What the errors may be: unit, lowest and highest.
@@ -50,7 +52,7 @@ class PlanErrors:
         return self == PlanErrors()
 
     def numbers(self) -> np.ndarray:
-        """Low and high of each, in the order of `layout`, (8,)."""
+        """Low and high of each, (8,)."""
         recognised = (_ALWAYS, _ALWAYS) if self.recognised is None else self.recognised
         return np.array([self.offset, self.radius, self.angle, recognised], dtype=np.float64).ravel()
 
@@ -95,10 +97,10 @@ def set_points_from(value: float | Mapping[str, Any] | SetPoints | None) -> SetP
 
 
 def guidance_numbers(errors: PlanErrors, points: SetPoints, right: bool, step: float) -> np.ndarray:
-    """Numbers for the kernel, (`layout.GUIDANCE_SIZE`,)."""
-    values = np.zeros(at.GUIDANCE_SIZE)
-    values[: at.G_SET_LOW] = errors.numbers()
-    values[at.G_SET_LOW : at.G_HOLD] = points.minimum, points.maximum
-    values[at.G_HOLD] = np.inf if points.hold is None else max(1, round(points.hold / step))
-    values[at.G_SIDE] = 1.0 if right else -1.0
+    """Numbers for the kernel, (12,)."""
+    values = np.zeros(SIDE + 1)
+    values[:SET_LOW] = errors.numbers()
+    values[SET_LOW:HOLD] = points.minimum, points.maximum
+    values[HOLD] = np.inf if points.hold is None else max(1, round(points.hold / step))
+    values[SIDE] = 1.0 if right else -1.0
     return values

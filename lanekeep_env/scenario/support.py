@@ -81,7 +81,7 @@ class LaneSupportScenario(LaneKeepScenario):
         }
 
     def driver_numbers(self) -> np.ndarray:
-        """Numbers of the driver, who knows how the nominal car understeers, (`layout.DRIVER_SIZE`,)."""
+        """Numbers of the driver, who knows how the nominal car understeers, (11,)."""
         car, growth = self.vehicle, 0.0
         if self.model.slips:
             front = car.cg_to_rear_axle / car.front_cornering_stiffness
@@ -94,7 +94,7 @@ class LaneSupportScenario(LaneKeepScenario):
         angle = 1.6
         place = next(k for k, channel in enumerate(channels) if channel.name == "steering_command")
         channels[place : place + 1] = [
-            Channel("steering_command", "rad", -angle, angle, "driver and assistant, as it last entered", at.SERVO),
+            Channel("steering_command", "rad", -angle, angle, "of both, which last entered the actuator", at.SERVO),
             Channel("driver_steering", "rad", -angle, angle, "that the driver asks for now", at.DRIVER, Measured()),
             Channel("authority", "", 0.0, 1.0, "of the assistant in the last control step", at.AUTHORITY_BEFORE),
         ]

@@ -52,8 +52,7 @@ class WallFollowScenario(CarScenario):
             or one number.
         servo: a mapping of `Servo`, or None.
         set_distance: of the side sensor from the wall on the right, m.
-        side_sensor: place of the ultrasonics to both sides ahead of the rear axle, m (l_H of the source: 0.175 in its
-            first listings, 0.14 in those of the cascade); None for half the wheelbase.
+        side_sensor: place of the side ultrasonics ahead of the rear axle, m (the source's l_H); None: half-way.
         start_lateral_error: the start is drawn within this of ``set_distance``, m.
         start_heading_error: and within this angle of the centre line's direction, rad.
         contact: "terminate" ends the episode, "cost" goes on and charges, "off" ignores contacts.
@@ -192,8 +191,9 @@ class WallFollowScenario(CarScenario):
 
     @property
     def side_sensor_place(self) -> float:
-        """Place of the ultrasonics to both sides ahead of the rear axle, m."""
-        return 0.5 * self.vehicle.wheelbase if self.side_sensor is None else self.side_sensor
+        """Place of the ultrasonics to both sides ahead of the rear axle, m; on circuits half-way between the axles."""
+        place = self.side_sensor if self.task == at.WALL_FOLLOW else None
+        return 0.5 * self.vehicle.wheelbase if place is None else place
 
     def _channels(self) -> list[Channel]:
         channels = [
@@ -346,11 +346,6 @@ class CircuitScenario(WallFollowScenario):
     def sets_speed(self) -> bool:
         """The second action does."""
         return False
-
-    @property
-    def side_sensor_place(self) -> float:
-        """Half-way between the axles, m ahead of the rear one."""
-        return 0.5 * self.vehicle.wheelbase
 
     @property
     def reverses(self) -> bool:

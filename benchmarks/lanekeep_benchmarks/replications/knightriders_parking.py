@@ -29,7 +29,8 @@ CURVES: dict[str, tuple[str, dict[str, Any]]] = {
     "published": ("knightriders-park-published", {}),
     "published, parallel start": ("knightriders-park-published", EXACT),
 }
-#: The report's car: rear overhang, length and width, m, and its rear axle's turning radius at 22 degrees.
+#: The report's car, of assumed size: rear overhang, length and width, m, and its rear axle's turning radius at the
+#: assumed steering limit of 22 degrees.
 CAR = (0.091, 0.532, 0.265, float(0.35 / np.tan(np.deg2rad(22.0))))
 
 

@@ -25,7 +25,7 @@ from lanekeep_env.sensing.ultrasonic import HALF_CONE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: The report's car at 22 degrees of steering, 0.532 x 0.265 m; margin of the improved target and reverse, m.
+#: The assumed car at 22 degrees of steering, 0.532 x 0.265 m; margin of the improved target and reverse, m.
 _RADIUS = float(0.35 / np.tan(np.deg2rad(22.0)))
 _CAR, _MARGIN, _REVERSE = Body(0.441, 0.091, 0.1325, _RADIUS, _RADIUS), 0.1, 0.3
 _ANGLES = FIRST + CAMERA.step * np.arange(CAMERA.beams)

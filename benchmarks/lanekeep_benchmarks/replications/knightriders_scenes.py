@@ -17,7 +17,7 @@ from lanekeep_env.scenario import Scan
 from lanekeep_env.sensing.ultrasonic import HALF_CONE
 from lanekeep_env.walls.raycast import SCRATCH_ROWS, beam_table, cast_many
 
-#: The camera, perfect: the faults are drawn by scene.
+#: The camera, perfect: the faults are drawn by scene. Its beams (141) and angle (70 degrees) are assumptions.
 CAMERA = Scan(beams=141)
 FIRST = -0.5 * CAMERA.field_of_view
 #: Of the published detection box: what is in the way overlaps it by 2 cm at the least, what is not keeps 2 cm off.

@@ -13,6 +13,7 @@ from lanekeep_env.families.road.kernel import ON_ROADS
 from lanekeep_env.families.road.start import start_on_road
 from lanekeep_env.physics.numeric import clip, like
 from lanekeep_env.randomness import derive, uniform
+from lanekeep_env.scenario import guidance as of
 from lanekeep_env.tasks.lane_keeping import running_cost
 
 #: Behind the equipment of roads come the numbers of the guidance, the bends and their index.
@@ -32,14 +33,14 @@ def _draw(key, which, numbers):
 @helper
 def _set_point(i, key, step, block, numbers):
     """Draw the set point that holds from control step ``step`` of the episode ``key`` on."""
-    low, high = numbers[at.G_SET_LOW], numbers[at.G_SET_HIGH]
+    low, high = numbers[of.SET_LOW], numbers[of.SET_HIGH]
     block[at.SET_POINT, i] = low + (high - low) * uniform(derive(key, _FIRST_SET_POINT + step), np.int64(0))
 
 
 @helper
 def _aim(i, block, settings, numbers):
     """Where the set point is, m left of the lane's centre; the lane is as wide as the edges are apart."""
-    return like(settings[0], numbers[at.G_SIDE]) * (block[at.SET_POINT, i] - settings[at.HALF_LANE])
+    return like(settings[0], numbers[of.SIDE]) * (block[at.SET_POINT, i] - settings[at.HALF_LANE])
 
 
 @helper
@@ -48,7 +49,7 @@ def _begin(k, cars, counters, settings, equipment):
     first, block, numbers = k * cars.shape[2], cars[k], equipment[_NUMBERS]
     for i in range(cars_in(k, cars, counters)):
         step = np.float64(block[at.STEP, i])
-        if step > 0.0 and step % numbers[at.G_HOLD] == 0.0:
+        if step > 0.0 and step % numbers[of.HOLD] == 0.0:
             key = derive(np.uint64(counters[at.KEY, first + i]), counters[at.EPISODE, first + i])
             _set_point(i, key, np.int64(step), block, numbers)
 
@@ -91,9 +92,9 @@ def _plan(i, block, counted, world, settings, equipment, observation):
     """Write the curvature that the plan has ahead of car i: bends begin elsewhere, are wider, longer, or not known."""
     (road, roads), numbers, bends, index = world, equipment[_NUMBERS], equipment[_BENDS], equipment[_INDEX]
     key = derive(np.uint64(counted[at.KEY, i]), counted[at.EPISODE, i])
-    offset, radius = _draw(key, at.G_OFFSET, numbers), 1.0 + _draw(key, at.G_RADIUS, numbers)
-    longer = radius * (1.0 + _draw(key, at.G_ANGLE, numbers))
-    recognised = _draw(key, at.G_RECOGNISED, numbers)
+    offset, radius = _draw(key, of.OFFSET, numbers), 1.0 + _draw(key, of.RADIUS, numbers)
+    longer = radius * (1.0 + _draw(key, of.ANGLE, numbers))
+    recognised = _draw(key, of.RECOGNISED, numbers)
     which = counted[at.ROAD, i]
     first, count = np.int64(roads[which, at.S_FIRST]), np.int64(roads[which, at.S_COUNT])
     here = np.float64(block[at.STATION, i]) + np.float64(block[at.ALONG, i])

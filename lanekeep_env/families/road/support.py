@@ -18,6 +18,7 @@ from lanekeep_env.families.road.segments import curvature_ahead
 from lanekeep_env.families.road.start import start_on_road
 from lanekeep_env.physics.numeric import clip, larger, like, smaller
 from lanekeep_env.randomness import derive, uniform
+from lanekeep_env.scenario import driver as of
 from lanekeep_env.sensing.measure import normal
 from lanekeep_env.tasks.driver import wanted_angle
 from lanekeep_env.tasks.lane_keeping import judge
@@ -36,12 +37,12 @@ def _drive(i, block, counted, road, driver):
     """Let the driver of car i look, or not, and turn the wheel."""
     episode = derive(np.uint64(counted[at.KEY, i]), counted[at.EPISODE, i])
     key = derive(episode, _FIRST_STEP + np.int64(block[at.STEP, i]))
-    spread, keeps = driver[at.V_WANDER], driver[at.V_KEEPS]
+    spread, keeps = driver[of.WANDER], driver[of.KEEPS]
     block[at.AIM, i] = keeps * block[at.AIM, i] + spread * np.sqrt(1.0 - keeps * keeps) * normal(key, _WANDER)
     if block[at.LAPSE, i] > 0.0:
         block[at.LAPSE, i] -= like(block[0, 0], 1.0)
-    elif uniform(key, _LAPSE) < driver[at.V_LAPSES]:
-        low, high = driver[at.V_SHORTEST], driver[at.V_LONGEST]
+    elif uniform(key, _LAPSE) < driver[of.LAPSES]:
+        low, high = driver[of.SHORTEST], driver[of.LONGEST]
         block[at.LAPSE, i] = np.floor(low + (high - low) * uniform(key, _LENGTH) + 0.5)
     if block[at.LAPSE, i] > 0.0:
         return
@@ -50,15 +51,15 @@ def _drive(i, block, counted, road, driver):
         np.float64(block[at.LATERAL, i] - block[at.AIM, i]),
         np.float64(block[at.HEADING, i] + block[at.SIDESLIP, i]),
         np.float64(
-            curvature_ahead(i, block[at.SPEED, i] * like(block[0, 0], driver[at.V_PREVIEW]), block, counted, road)
+            curvature_ahead(i, block[at.SPEED, i] * like(block[0, 0], driver[of.PREVIEW]), block, counted, road)
         ),
         v,
-        driver[at.V_LATERAL],
-        driver[at.V_COURSE],
-        driver[at.V_ANGLE],
-        driver[at.V_ANGLE_GROWTH],
+        driver[of.LATERAL],
+        driver[of.COURSE],
+        driver[of.ANGLE],
+        driver[of.ANGLE_GROWTH],
     )
-    block[at.DRIVER, i] += driver[at.V_SHARE] * (wanted - block[at.DRIVER, i])
+    block[at.DRIVER, i] += driver[of.SHARE] * (wanted - block[at.DRIVER, i])
 
 
 @helper
@@ -145,7 +146,7 @@ def _start(place, wanted, cars, counters, world, settings, equipment):
         block[row, i] = block[at.STEER, i]
     column = k * cars.shape[2] + i
     episode = derive(np.uint64(counters[at.KEY, column]), counters[at.EPISODE, column])
-    block[at.AIM, i] = equipment[_DRIVER][at.V_WANDER] * normal(derive(episode, _FIRST_STEP), _WANDER)
+    block[at.AIM, i] = equipment[_DRIVER][of.WANDER] * normal(derive(episode, _FIRST_STEP), _WANDER)
 
 
 WITH_DRIVER = replace(
