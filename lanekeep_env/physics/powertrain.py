@@ -142,10 +142,12 @@ def find_due(n, block, drive):
     """Mark in the row DUE the first ``n`` cars of a block for which an event or a gear change may be due."""
     v_, up_, down_, throttle_ = block[at.SPEED], block[at.UP_FROM], block[at.DOWN_BELOW], block[at.THROTTLE]
     step_, event_, due_ = block[at.STEP], block[at.EVENT_STEP], block[at.DUE]
+    gear_, set_, target_ = block[at.GEAR], block[at.SET_SPEED], block[at.SPEED_TARGET]
     zero, one, kick, stands = like(drive[0], 0.0), like(drive[0], 1.0), drive[at.D_KICK], like(drive[0], STANDS)
     for i in range(n):
         v = magnitude(v_[i])
-        changes = (v >= up_[i]) | (v <= down_[i]) | (v < stands) | (throttle_[i] > kick)
+        stops = (v < stands) & ((gear_[i] > zero) | (set_[i] * target_[i] < zero))
+        changes = (v >= up_[i]) | (v < down_[i]) | stops | (throttle_[i] > kick)
         due_[i] = select(changes | (step_[i] >= event_[i]), one, zero)
 
 

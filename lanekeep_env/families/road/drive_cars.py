@@ -13,7 +13,7 @@ from lanekeep_env.rendering.road_picture import Pose
 from lanekeep_env.tasks.termination import Termination
 
 #: What pictures call them.
-_FAILURES = {Termination.CONTACT: "met the car ahead", Termination.STOP_PASSED: "passed the stop point"}
+_FAILURES: dict[int, str] = {Termination.CONTACT: "met the car ahead", Termination.STOP_PASSED: "passed the stop point"}
 
 
 class DriveCars(RoadCars):

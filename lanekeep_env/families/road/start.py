@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.compile import helper
+from lanekeep_env.compile import helper, inline
 from lanekeep_env.engine.episode import DRAW_HEADING, DRAW_LATERAL, DRAW_PLACE, DRAW_STATION, draw_car, set_speed
 from lanekeep_env.families.road.segments import load_segment
 from lanekeep_env.physics.integrate import LARGEST_SIDESLIP, LARGEST_SPEED
@@ -31,7 +31,6 @@ _AT_REST = (
         at.LEAD_RATE,
         at.LEAD_SEEN,
     ),
-    *range(at.LEAD_SIGHT, at.LEAD_SIGHT + 2 * at.SIGHT_SIZE),
 )
 
 
@@ -155,6 +154,13 @@ def start_drive(i, key, block, counted, settings, drive, timelines):
 def see_first(i, block, counted, timelines):
     """Write what car i sees at its start of what is there already; the observation of the reset shows it."""
     if timelines is not None:
-        for row in (at.LEAD_SIGHT, at.STOP_SIGHT):
-            sight(i, row, block[row + at.SIGHT_GAP, i], block[row + at.SIGHT_EVENT, i], block, counted)
-            block[row + at.SIGHT_STEP, i] = -1.0
+        if block[at.LEAD_GAP, i] < at.NOWHERE:
+            _see(i, at.LEAD_SIGHT, block, counted)
+        if block[at.STOP_GAP, i] < at.FAR:
+            _see(i, at.STOP_SIGHT, block, counted)
+
+
+@inline
+def _see(i, row, block, counted):
+    sight(i, row, block[row + at.SIGHT_GAP, i], block[row + at.SIGHT_EVENT, i], block, counted)
+    block[row + at.SIGHT_STEP, i] = -1.0
