@@ -34,7 +34,7 @@ class LocalMap:
     NEARER, INNER = 0.12, 0.9
     #: An echo ahead is of something that the scan shows if that is not this much farther, m, and of a side wall if it
     #: is not below this share of that one's expected echo.
-    SHOWN, SIDE_SHARE = 0.2, 0.75
+    SHOWN, SIDE_SHARE = 0.35, 0.75
     #: Share of the cone's beams that show nothing from which on there may be glass.
     OPEN: ClassVar[float] = 0.15
     #: Directions in which it is put, rad; places ahead of the side sensor to which a side wall goes on where the rim of
