@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, require, shown
+from lanekeep_env.checks import require, shown
 from lanekeep_env.physics import models
 from lanekeep_env.physics.integrate import LARGEST_SPEED
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
@@ -105,7 +105,8 @@ class DriveScenario(LaneKeepScenario):
     )
 
     def _check(self) -> None:
-        choose("friction_circle", self.friction_circle, (True, False))
+        if not isinstance(self.friction_circle, bool):
+            raise ValueError(f"friction_circle={shown(self.friction_circle)} is not allowed: it must be True or False")
         require("reference_speed_error", self.reference_speed_error, "m/s", at_least=1e-3, at_most=1e3)
         super()._check()
         self.powertrain.check(self.vehicle.mass * self.randomisation.mass[0])
