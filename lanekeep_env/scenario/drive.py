@@ -105,6 +105,8 @@ class DriveScenario(LaneKeepScenario):
     )
 
     def _check(self) -> None:
+        if not isinstance(self.friction_circle, bool):
+            raise ValueError(f"friction_circle={shown(self.friction_circle)} is not allowed: it must be True or False")
         require("reference_speed_error", self.reference_speed_error, "m/s", at_least=1e-3, at_most=1e3)
         super()._check()
         self.powertrain.check(self.vehicle.mass * self.randomisation.mass[0])

@@ -60,6 +60,7 @@ INNER = {
         (0.7 if isinstance(scenario.speed, LimitedSpeed) else 1.3) * scenario.speed.maximum
     ),
     "camera.edge": lambda scenario: "left",
+    "traffic.hazards": lambda scenario: 0.5,
     "scan.period": lambda scenario: 2 * scenario.control_step,
     "scan.noise": lambda scenario: 0.1,
     "scan.missing_every": lambda scenario: 3,

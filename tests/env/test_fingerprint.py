@@ -16,6 +16,7 @@ from numba.core.dispatcher import Dispatcher
 import lanekeep_env
 from lanekeep_env.compile import inline, kernel
 from lanekeep_env.engine.step import reset_kernel, step_kernels
+from lanekeep_env.families.road.drive_kernel import DRIVING
 from lanekeep_env.families.road.guided import GUIDED
 from lanekeep_env.families.road.kernel import ON_ROADS
 from lanekeep_env.families.road.support import WITH_DRIVER
@@ -50,14 +51,15 @@ KERNELS = [
     and value.__module__ == module.__name__
 ]
 MODELS = [model for model in vars(models).values() if isinstance(model, models.CarModel)]
-KERNELS += [made for model in MODELS for made in step_kernels(model, ON_ROADS, 2 if model.pace == DRIVEN else 1)]
+KERNELS += [made for model in MODELS if model.pace != DRIVEN for made in step_kernels(model, ON_ROADS, 1)]
+KERNELS += step_kernels(models.POWERED, DRIVING, 2)
 KERNELS += [
     made for model in MODELS if model.pace == PACED for n in (1, 2) for made in step_kernels(model, BETWEEN_WALLS, n)
 ]
 KERNELS += [made for model in MODELS if model.pace == PACED for made in step_kernels(model, ON_COURSES, 2)]
 KERNELS += [made for model in MODELS if model.pace == PROFILE for made in step_kernels(model, WITH_DRIVER, 2)]
 KERNELS += step_kernels(models.FRONT_DRIVEN, GUIDED, 1)
-KERNELS += [reset_kernel(family) for family in (ON_ROADS, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)]
+KERNELS += [reset_kernel(family) for family in (ON_ROADS, DRIVING, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)]
 
 
 def fingerprints():
@@ -168,6 +170,7 @@ PRINT = """
 import sys
 import lanekeep_env.walls.raycast
 from lanekeep_env.engine.step import reset_kernel, step_kernels
+from lanekeep_env.families.road.drive_kernel import DRIVING
 from lanekeep_env.families.road.guided import GUIDED
 from lanekeep_env.families.road.kernel import ON_ROADS
 from lanekeep_env.families.road.support import WITH_DRIVER
@@ -182,7 +185,8 @@ for name in sorted(sys.modules):
         if kept and not value.targetoptions.get("no_cpython_wrapper"):
             print(f"{name}.{value.py_func.__name__}", fingerprint(value))
 for model in [model for model in vars(models).values() if isinstance(model, models.CarModel)]:
-    made = list(step_kernels(model, ON_ROADS, 2 if model.pace == models.DRIVEN else 1))
+    powered = model.pace == models.DRIVEN
+    made = list(step_kernels(model, DRIVING if powered else ON_ROADS, 2 if powered else 1))
     if model.pace == models.PACED:
         made += [*step_kernels(model, BETWEEN_WALLS, 1), *step_kernels(model, BETWEEN_WALLS, 2)]
         made += step_kernels(model, ON_COURSES, 2)
@@ -192,7 +196,7 @@ for model in [model for model in vars(models).values() if isinstance(model, mode
         made += step_kernels(model, GUIDED, 1)
     for value in made:
         print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
-for value in map(reset_kernel, (ON_ROADS, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)):
+for value in map(reset_kernel, (ON_ROADS, DRIVING, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)):
     print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
 """
 
