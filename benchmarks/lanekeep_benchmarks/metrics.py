@@ -74,6 +74,11 @@ _ALL = (
         most=30.0,
     ),
     Metric("peak_stop_error", "peak stop error", "m", 3, "stop_error", "peak", most=200.0),
+    Metric("contacts", "contact", "", 2, "contact", "peak"),
+    Metric("avoidable_contacts", "avoidable contact", "", 2, "avoidable_contact", "peak"),
+    Metric("overruns", "overrun", "", 2, "overrun", "peak"),
+    Metric("avoidable_overruns", "avoidable overrun", "", 2, "avoidable_overrun", "peak"),
+    Metric("interventions", "interventions", "", 1, "interventions", "last"),
     Metric("rms_jerk", "RMS jerk", "m/s³", 3, "jerk", "rms"),
     Metric("rms_steering_rate", "RMS steering rate", "rad/s", 4, "steering_rate", "rms"),
     Metric("rms_lateral_jerk", "RMS lateral jerk", "m/s³", 2, "lateral_jerk", "rms"),
@@ -88,11 +93,14 @@ METRICS = {metric.key: metric for metric in _ALL}
 _ERRORS = ("rms_lateral_error", "peak_lateral_error", "rms_heading_error")
 _COMFORT = ("rms_steering_rate", "rms_lateral_jerk", "peak_lateral_acceleration", "rms_action")
 _SPEED = ("rms_speed_error", "smallest_gap", "least_time_to_collision", "peak_stop_error", "rms_jerk")
+#: Whether an episode had one, so that their means are rates.
+_TRAFFIC = ("contacts", "avoidable_contacts", "overruns", "avoidable_overruns")
 _LAP = ("lap_time", "smallest_clearance", *_COMFORT, "return")
 _POSE = ("space_share", "kerb_distance", "end_heading_error")
 #: The metrics of a task, where its scenario names none; of those, what its truth (`info`) does not tell is left out.
 _OF_TASK = {
-    "lanekeep/Drive-v0": (*_ERRORS, *_SPEED, *_COMFORT, "time", "return"),
+    "lanekeep/Drive-v0": (*_ERRORS, *_SPEED, *_TRAFFIC, *_COMFORT, "time", "return"),
+    "lanekeep/LaneSupport-v0": (*_ERRORS, "interventions", *_COMFORT, "time", "return"),
     "lanekeep/WallFollow-v0": (*_ERRORS, "smallest_clearance", *_COMFORT, "time", "return"),
     "lanekeep/Circuit-v0": _LAP,
     "lanekeep/ObstacleCircuit-v0": _LAP,
