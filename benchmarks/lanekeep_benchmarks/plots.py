@@ -162,10 +162,9 @@ def plot_episode(
     looks = styles(list(traces), list(traces) if shown is None else shown)
     for axes, (keys, label, scale) in zip(panels, rows, strict=True):
         for name, style in looks.items():
-            key = next((key for key in keys if key in traces[name]), None)
-            if key is not None:
-                time = control_step * np.arange(1, len(traces[name][key]) + 1)
-                axes.plot(time, scale * traces[name][key], **style)
+            values = next((traces[name][key] for key in keys if key in traces[name]), np.zeros(0))
+            if np.isfinite(values).any():  # a gap to nobody is infinite
+                axes.plot(control_step * np.arange(1, len(values) + 1), scale * values, **style)
         axes.set_ylabel(label)
         axes.grid(**GRID)
     if lane_width is not None:
