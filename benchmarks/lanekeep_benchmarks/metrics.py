@@ -34,7 +34,7 @@ class Metric:
         key: in result lines.
         label, unit, digits: of its column.
         signal: what it is made of: a name in `info`, one of `RATES`, or `ACTION`; empty where `how` says all.
-        how: "rms", "peak" (of the size), "least", "last", "time" (driven, s), "lap" (time of the lap, s; the
+        how: "rms", "peak" (of the size), "ever" (1 where it was, so that means are rates), "least", "last", "time" (driven, s), "lap" (time of the lap, s; the
             episode's length where it failed) or "return".
         holds: whether a departure's value counts for the rest of the episode.
         more_is_better: whether less is worse.
@@ -74,10 +74,10 @@ _ALL = (
         most=30.0,
     ),
     Metric("peak_stop_error", "peak stop error", "m", 3, "stop_error", "peak", most=200.0),
-    Metric("contacts", "contact", "", 2, "contact", "peak"),
-    Metric("avoidable_contacts", "avoidable contact", "", 2, "avoidable_contact", "peak"),
-    Metric("overruns", "overrun", "", 2, "overrun", "peak"),
-    Metric("avoidable_overruns", "avoidable overrun", "", 2, "avoidable_overrun", "peak"),
+    Metric("contacts", "contact", "", 2, "contact", "ever"),
+    Metric("avoidable_contacts", "avoidable contact", "", 2, "avoidable_contact", "ever"),
+    Metric("overruns", "overrun", "", 2, "overrun", "ever"),
+    Metric("avoidable_overruns", "avoidable overrun", "", 2, "avoidable_overrun", "ever"),
     Metric("interventions", "interventions", "", 1, "interventions", "last"),
     Metric("rms_jerk", "RMS jerk", "m/s³", 3, "jerk", "rms"),
     Metric("rms_steering_rate", "RMS steering rate", "rad/s", 4, "steering_rate", "rms"),
@@ -216,7 +216,9 @@ class Measured:
         row = self._names.index(metric.signal)
         if metric.how == "rms":
             return self._rms(row, metric)
-        return {"peak": self._peak, "least": self._least, "last": np.abs(self._last)}[metric.how][row]
+        return {"peak": self._peak, "ever": self._peak, "least": self._least, "last": np.abs(self._last)}[metric.how][
+            row
+        ]
 
     def _rms(self, row: int, metric: Metric) -> Floats:
         # The first step knows no rate.

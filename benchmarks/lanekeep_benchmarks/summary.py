@@ -148,6 +148,10 @@ def _summarise_rows(rows: Sequence[Sequence[Sequence[EpisodeResult]]], labels: S
         own, difference = mine[: len(keys)], mine[len(keys) :]
         failed = sample[:, :, -1]
         failures = int(failed.sum())
+        own = [
+            wilson(float(sample[0, :, place].sum()), episodes) if METRICS[key].how == "ever" else one
+            for place, (key, one) in enumerate(zip(keys, own, strict=True))
+        ]
         if len(row) > 1:
             own = [seeds_mean(sample[:, :, place]) for place in range(len(keys))]
         if len(row) > 1 or len(rows[0]) > 1:
