@@ -115,6 +115,6 @@ def reach_behind(pose: Floats, line: ArrayLike, kerb: ArrayLike, body: Body) -> 
     return np.minimum(by_box, by_kerb)
 
 
-def _angle(way: Floats, across: float, along: float) -> Floats:
+def _angle(way: Floats, across: float | Floats, along: float) -> Floats:
     """Return the angle a with across sin(a) + along cos(a) = way, a right one at most."""
     return np.arcsin(np.clip(way / np.hypot(across, along), -1.0, 1.0)) - np.arctan2(along, across)

@@ -205,6 +205,37 @@ def test_modes_change_in_one_episode_that_ends_parked(tasks: dict[bool, SimpleNa
         assert run.seen[: len(slow)][slow, car, speed].max() < KnightRidersModes.SLOW + 0.15  # a tick of the encoder
 
 
+def test_asked_for_a_round_trip_a_parked_car_leaves_its_space_and_ends_the_lap() -> None:
+    modes = [(0.0, "roundtrip"), (4.0, "obstacles"), (6.6, "park"), (45.0, "roundtrip")]
+    run = drive(MODES, 1800, cars=2, world=ROW, modes=modes, sensors="production", encoder_ticks=40)
+    assert run.done.any(axis=0).all() and not run.contact.any()
+    for car in range(2):
+        driven = run.states[: np.flatnonzero(run.done[:, car])[0], car, 0]
+        order = driven[np.flatnonzero(np.diff(driven, prepend=-1.0))]
+        np.testing.assert_array_equal(order, [ROUNDTRIP, OBSTACLES, APPROACH, PARK, ROUNDTRIP])
+        last = np.flatnonzero(driven == PARK)[-1]
+        assert 2.0 < last * 0.045 - 45.0 < 15.0  # the way out
+
+
+def test_without_free_space_fewer_circuits_are_driven() -> None:
+    """The report's way back and fixed arc where the plan would hit something."""
+    laps = []
+    for free_space in (True, False):
+        env = gym.make_vec(ID, 8, "vector_entry_point", world={"kind": "random-obstacle-circuits", "seed": 2018})
+        policy = lanekeep_baselines.make("knightriders-obstacles", env.unwrapped.scenario, free_space=free_space)
+        observation, _ = env.reset(seed=0, options={"world_index": np.arange(8)})
+        state, over, success = None, np.zeros(8, dtype=bool), np.zeros(8, dtype=bool)
+        for _ in range(1200):
+            action, state = policy.predict(observation, state)
+            observation, _, terminated, truncated, info = env.step(np.clip(action, -1.0, 1.0))
+            success |= terminated & info["is_success"] & ~over
+            over |= terminated | truncated
+            if over.all():
+                break
+        laps.append(success.sum())
+    assert laps[0] >= 7 and 1 <= laps[1] < laps[0]
+
+
 def test_each_mode_is_its_policy_to_the_last_bit() -> None:
     for scenario, mode, name in (
         (ALL_MODES, ROUNDTRIP, "knightriders-circuit"),
