@@ -34,7 +34,7 @@ class Metric:
         key: in result lines.
         label, unit, digits: of its column.
         signal: what it is made of: a name in `info`, one of `RATES`, or `ACTION`; empty where `how` says all.
-        how: "rms", "peak" (of the size), "ever" (1 where it was at all, so that means are rates), "least", "last", "time"
+        how: "rms", "peak" (of the size), "ever" (1 where it was at all: means are rates), "least", "last", "time"
             (driven, s), "lap" (time of the lap, s; the episode's length where it failed) or "return".
         holds: whether a departure's value counts for the rest of the episode.
         more_is_better: whether less is worse.
