@@ -383,8 +383,8 @@ O_KERB_DISTANCE = 18
 COURSE_OUTCOME_ROWS = 19
 
 # With a powertrain, behind OUTCOME_ROWS:
-O_GAP = 11  # to the car ahead, m; inf without one
-O_TIME_TO_COLLISION = 12  # s, at present speeds; inf where it does not come nearer
+O_GAP = 11  # to the car ahead, m; NOWHERE without one
+O_TIME_TO_COLLISION = 12  # s, at present speeds; NOWHERE where it does not come nearer
 O_STOP_ERROR = 13  # of a car that stands at a stop point, or is beyond it: way left, m
 O_SPEED_ERROR = 14  # against the wanted speed, m/s
 O_JERK = 15  # m/s³, over the control step

@@ -12,6 +12,9 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 
 import lanekeep_env  # noqa: F401
 
+#: Methods that change all cars.
+_OF_ALL = ("reset", "step", "narrow", "set_state", "close")
+
 
 class CarVecEnv(VecEnv):
     """Same-step autoreset, as Stable-Baselines3 expects it.
@@ -33,7 +36,8 @@ class CarVecEnv(VecEnv):
     def reset(self) -> VecEnvObs:
         """Reset every car; the seed of the last `seed` call is used once."""
         seed = None if self._seeds[0] is None else list(self._seeds)
-        observation, self.truth = self.env.reset(seed=seed, options=self._start or None)  # type: ignore[arg-type]
+        start, self._start = self._start, {}  # once, even if it is refused
+        observation, self.truth = self.env.reset(seed=seed, options=start or None)  # type: ignore[arg-type]
         self.reset_infos = [{} for _ in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
@@ -48,11 +52,12 @@ class CarVecEnv(VecEnv):
         if len(each) != self.num_envs or len({tuple(sorted(one)) for one in each}) > 1:
             raise ValueError(f"reset options must be one mapping, or {self.num_envs} of them with the same keys")
         # What is the same for all is handed on as it is: bounds of what episodes draw are not one number a car.
-        self._start = {
-            key: value if all(one[key] == value for one in each) else np.array([one[key] for one in each])
+        start = {
+            key: value if all(np.array_equal(one[key], value) for one in each) else np.array([one[key] for one in each])
             for key, value in each[0].items()
         }
-        self.env.unwrapped.narrow(self._start)  # type: ignore[attr-defined]
+        self.env.unwrapped.narrow(start)  # type: ignore[attr-defined]
+        self._start = start
 
     def _reset_options(self) -> None:
         self._start = {}
@@ -100,6 +105,8 @@ class CarVecEnv(VecEnv):
 
         An array with an entry a car is shared out, and so are pictures; anything else is everybody's.
         """
+        if method_name in _OF_ALL and len(list(self._get_indices(indices))) != self.num_envs:
+            raise AttributeError(f"{method_name} cannot be called for some cars: they are one vector environment")
         result = getattr(self.env.unwrapped, method_name)(*args, **kwargs)
         if method_name == "render" and result is not None:
             return [result[car] for car in self._get_indices(indices)]

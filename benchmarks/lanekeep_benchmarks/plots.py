@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from lanekeep_benchmarks.looks import GRID, colour_of, interesting, png, scale_bar, styles
 from lanekeep_benchmarks.statistics import performance_profile
 from lanekeep_benchmarks.summary import columns_of
+from lanekeep_env import layout as at
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -163,7 +164,8 @@ def plot_episode(
     for axes, (keys, label, scale) in zip(panels, rows, strict=True):
         for name, style in looks.items():
             values = next((traces[name][key] for key in keys if key in traces[name]), np.zeros(0))
-            if np.isfinite(values).any():  # a gap to nobody is infinite
+            values = np.where(values < at.NOWHERE, values, np.nan)  # a gap to nobody is as large as that
+            if np.isfinite(values).any():
                 axes.plot(control_step * np.arange(1, len(values) + 1), scale * values, **style)
         axes.set_ylabel(label)
         axes.grid(**GRID)

@@ -129,14 +129,14 @@ class Cars:
             start = start_rows(fixed, self.start_options, self.num_cars)
             self._check_place(start)
             if drawn:
-                self.ranges[:] = bounds(drawn, self.scenario)
+                self.ranges[:] = bounds(drawn, self.scenario, self.ranges)
         self._reset(mask, start, *self.state, observation, outcome)
 
     def narrow(self, options: dict[str, Any]) -> None:
         """Keep those reset options that bound what episodes draw, for each car's next one on."""
         _, drawn = split(options, self.start_options)
         if drawn:
-            self.ranges[:] = bounds(drawn, self.scenario)
+            self.ranges[:] = bounds(drawn, self.scenario, self.ranges)
 
     def seed(self, seeds: Sequence[int | None]) -> None:
         """Give car i the base key of ``seeds[i]``, the first draw of Gymnasium's generator for that seed."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
@@ -59,13 +59,15 @@ def start_rows(fixed: Mapping[str, Any], starts: tuple[str, ...], cars: int) -> 
     return start
 
 
-def bounds(drawn: Mapping[str, Any], scenario: Any) -> list[float]:
+def bounds(drawn: Mapping[str, Any], scenario: Any, present: Sequence[float]) -> list[float]:
     """Return low and high of each randomised number for this episode and those after it.
 
     Args:
-        drawn: ``randomisation``, a mapping of bounds or numbers, a named set, or None for the scenario's own; and
-            entries of it by their own names. What they leave out is drawn as the scenario says.
+        drawn: ``randomisation``, a mapping of bounds or numbers, a named set, or None for the scenario's own, which
+            leave what they do not name as the scenario says; and entries of it by their own names, which leave the
+            others as they are.
         scenario: whose bounds hold everything: it was judged with them.
+        present: low and high of each number as they are.
 
     Raises:
         ValueError: a bound is outside the scenario's, or has no effect in it.
@@ -73,11 +75,16 @@ def bounds(drawn: Mapping[str, Any], scenario: Any) -> list[float]:
     declared: Randomisation = scenario.randomisation
     whole = drawn.get("randomisation")
     given = {name: drawn[name] for name in DRAWN if name in drawn}
-    if whole is None or isinstance(whole, Mapping):
+    kept = asdict(declared)
+    if "randomisation" not in drawn:
+        low, high = np.reshape(declared.bounds(), (-1, 2)).T
+        now = np.reshape(np.asarray(present, dtype=np.float64), (-1, 2)).clip(low[:, None], high[:, None])  # of float32
+        kept = {name: tuple(now[k].tolist()) for k, name in enumerate(DRAWN)}
+    elif whole is None or isinstance(whole, Mapping):
         given = {**(whole or {}), **given}
-        wanted = randomisation_from({**asdict(declared), **given})
     else:
-        wanted = randomisation_from({**asdict(randomisation_from(whole)), **given})
+        kept = asdict(randomisation_from(whole))
+    wanted = randomisation_from({**kept, **given})
     idle = scenario.without_effect
     for name in DRAWN:
         (low, high), (least, most) = getattr(wanted, name), getattr(declared, name)

@@ -39,7 +39,7 @@ class DriveEnv(PoweredEnv, gym.Env):
 
     Speeds are negative backwards; cars and stop points are those in the way.
 
-    `info` holds the truth as there, and gap and time_to_collision (inf without a car ahead, or where it does not come
+    `info` holds the truth as there, and gap and time_to_collision (1e6 without a car ahead, or where it does not come
     nearer), stop_error (way left of a car that stands at a stop point, negative beyond it, else 0), speed_error, jerk;
     contact and overrun (1 while the car is in one), and avoidable_contact and avoidable_overrun (1 in the step in which
     it comes to that, where full braking from the first observation that showed the car or the point had avoided it).

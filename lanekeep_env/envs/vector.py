@@ -50,7 +50,8 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         scenario: every keyword of the scenario.
 
     ``reset(seed=)`` takes an int (car i gets seed + i) or one seed a car; ``options`` are those of the
-    single environment, one number or one a car, and ``"reset_mask"`` (bool, (n,)) resets some cars only.
+    single environment, one number or one a car, and ``"reset_mask"`` (bool, (n,)) resets some cars only. What
+    bounds the draws (``friction=0.8`` or ``(0.6, 0.8)``) is one for all cars and stays for their later episodes.
     """
 
     def __init__(

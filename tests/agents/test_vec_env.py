@@ -124,8 +124,16 @@ def test_options_bound_what_the_cars_of_later_episodes_are():
     for _ in range(8):
         env.step(np.zeros((4, 1), np.float32))
         assert (env.truth["speed"] <= 12.0).all()
-    with pytest.raises(ValueError, match="reset options"):
-        env.set_options([{"speed": 0.5}] * 3)
+    for wrong in ([{"speed": 0.5}] * 3, {"speed": 3.0}, {"sped": 1.0}):
+        with pytest.raises(ValueError, match="reset option"):
+            env.set_options(wrong)
+    env.reset()
+    env.set_options({"lateral_error": 99.0})  # which a reset refuses, once
+    with pytest.raises(ValueError, match="within 20 m"):
+        env.reset()
+    env.reset()
+    with pytest.raises(AttributeError, match="some cars"):
+        env.env_method("reset", indices=[0])
     with pytest.raises(ValueError, match="reset option speed"):
         env.set_options({"speed": (0.4, 0.6)})
 

@@ -54,13 +54,25 @@ def map_of(scan: str) -> tuple[LocalMap, int]:
 
 
 @pytest.mark.parametrize(("scan", "echo", "glass"), [("perfect", 0.4, 1), ("kinect", 0.4, 0), ("kinect", 0.9, 1)])
-def test_what_is_heard_nearer_than_the_camera_sees_is_no_glass(scan: str, echo: float, glass: int) -> None:
+def test_what_is_heard_and_was_never_shown_may_be_glass(scan: str, echo: float, glass: int) -> None:
+    """Nearer than the camera sees the present scan tells nothing: the map then knows what was shown before."""
     walls, beams = map_of(scan)
     at = {"distance_front": np.array([echo]), "distance_right": np.zeros(1), "distance_left": np.zeros(1)}
     none, zero = np.full((beams, 1), np.inf), np.zeros(1)
     _, ahead = walls.update(at, none, np.zeros((1, walls.memory)), True, zero, zero)
-    assert np.isfinite(ahead).sum() == glass
+    assert np.isfinite(ahead).all()
     assert np.isfinite(walls.unseen(at, none)).sum() == glass
+
+
+def test_a_wall_that_was_shown_and_is_too_near_for_the_camera_now_explains_its_echo() -> None:
+    walls, beams = map_of("kinect")
+    at = {"distance_front": np.array([0.6]), "distance_right": np.zeros(1), "distance_left": np.zeros(1)}
+    zero, fresh = np.zeros(1), np.zeros((1, walls.memory))
+    memory, ahead = walls.update(at, np.full((beams, 1), 0.6), fresh, True, zero, zero)
+    assert np.isinf(ahead).all()
+    at["distance_front"] = np.array([0.4])
+    _, ahead = walls.update(at, np.full((beams, 1), np.inf), memory, False, zero + 0.2, zero)
+    assert np.isinf(ahead).all()
 
 
 def test_nothing_is_unseen_where_the_whole_cone_shows_something() -> None:

@@ -39,6 +39,17 @@ def test_draws_stay_within_the_narrowed_bounds(low, share, seed):
     assert (info["speed"] >= 20.0 * low - 1e-9).all() and (info["speed"] <= 20.0 * high + 1e-9).all()
 
 
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_an_option_leaves_what_others_said_as_it_is(dtype):
+    env = cars(8, dtype=dtype, randomisation={"mass": (0.7, 1.4), "speed": (0.5, 1.0)})
+    env.reset(seed=0, options={"speed": 0.75})
+    for options in ({"mass": 1.1}, {"mass": (0.7, 1.4)}, {}, None):
+        _, info = env.reset(options=options)
+        np.testing.assert_allclose(info["speed"], 15.0)
+    _, info = env.reset(options={"randomisation": {"mass": 1.1}})  # which says all of it
+    assert len(set(info["speed"])) == 8
+
+
 def test_a_fixed_number_drives_like_a_scenario_that_has_it():
     """The other draws of an episode do not depend on it."""
     whole, fixed = {**DECLARED, "mass": 1.3}, cars(randomisation={**DECLARED, "mass": (1.3, 1.3)})

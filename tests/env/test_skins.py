@@ -145,7 +145,6 @@ def test_departure_charges_the_rest_of_the_episode_in_both_skins(steps):
     [
         ({"episode_steps": 80}, 80),
         ({"episode_steps": 80, "max_episode_steps": 50}, 50),
-        ({"episode_steps": 80, "max_episode_steps": 200}, 80),
         ({"episode_steps": 700, "max_episode_steps": 700}, 700),
         ({"max_episode_steps": -1}, 600),
     ],

@@ -71,7 +71,7 @@ def test_the_car_ahead_drives_its_own_way_and_is_seen_truly_to_two_hundred_metre
     names = [c.name for c in env.unwrapped.channels]
     gap_of, lead_of = names.index("lead_gap"), names.index("lead_speed")
     observation, info = env.reset(seed=0, options=START)
-    assert (observation[gap_of], info["gap"], info["time_to_collision"]) == (150.0, 150.0, math.inf)
+    assert (observation[gap_of], info["gap"], info["time_to_collision"]) == (150.0, 150.0, at.NOWHERE)
     own, gap, lead, unseen = 10.0, 150.0, 20.0, 0
     for k in range(1400):
         observation, *_, info = env.step(np.array([0.0, 0.5], np.float32))
@@ -87,7 +87,7 @@ def test_the_car_ahead_drives_its_own_way_and_is_seen_truly_to_two_hundred_metre
         assert observation[lead_of] == pytest.approx(lead if gap < 200.0 else 0.0, abs=1e-4)
         unseen += gap > 200.0
         closing = own - lead
-        assert info["time_to_collision"] == pytest.approx(gap / closing if closing > 1e-3 else math.inf, rel=0.05)
+        assert info["time_to_collision"] == pytest.approx(gap / closing if closing > 1e-3 else at.NOWHERE, rel=0.05)
     assert unseen > 100 and gap < 150.0
 
 

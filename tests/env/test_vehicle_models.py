@@ -21,7 +21,7 @@ def drive(vehicle, speed, steering, *, road="straight", dt=0.01, start=None, **k
     steps = len(steering)
     env = gym.make(
         "lanekeep/LaneKeep-v0",
-        max_episode_steps=steps + 1,
+        episode_steps=steps + 1,
         vehicle={"base": vehicle, "steering": IDEAL},
         road=road,
         speed=speed,
@@ -279,7 +279,7 @@ def test_path_coordinates_meet_world_coordinates(road):
     speed, steps = 15.0, 800
     env = gym.make(
         "lanekeep/LaneKeep-v0",
-        max_episode_steps=steps + 1,
+        episode_steps=steps + 1,
         vehicle={"steering": IDEAL},
         road=road,
         speed=speed,

@@ -108,6 +108,7 @@ def run(
         if model.num_timesteps < settings.steps:
             # Counts start at zero anyway; cars that a checkpoint has set must not be reset.
             several = callback if isinstance(callback, list) else [] if callback is None else [callback]
+            course.called = [type(one).__name__ for one in several]
             model.learn(
                 settings.steps - model.num_timesteps, [course, *several], reset_num_timesteps=False, log_interval=10
             )
@@ -179,6 +180,8 @@ class _Course(BaseCallback):
         self._env, self._rewards = env, rewards
         self._held_out, self._scenario = held_out, scenario
         self._sitting, self._saved = sitting, sitting.started
+        #: Classes of callbacks that were called besides.
+        self.called: list[str] = []
         #: (steps, score) of each evaluation so far, the seconds of earlier sittings and the best policy's tensors.
         self._scores: list[tuple[int, Score]] = []
         self._earlier = {"total": 0.0, "environment": 0.0}
@@ -274,9 +277,9 @@ class _Course(BaseCallback):
             normalisation=self._normalisation,
             training=Training(
                 command=command(settings),
-                hyperparameters=settings.to_dict(),
+                hyperparameters={**settings.to_dict(), **({"callback": self.called} if self.called else {})},
                 seed=settings.seed,
-                steps=settings.steps,
+                steps=min(settings.steps, self.model.num_timesteps),  # fewer where a callback has ended it
                 seconds=round(seconds["total"], 1),
                 versions=versions(),
                 scores=scores,

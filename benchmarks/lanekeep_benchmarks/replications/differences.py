@@ -10,7 +10,6 @@ DIFFERENCES: dict[str, dict[str, str]] = {
     "werling": {
         "error after 3 s": "2 mm, 0.3 % of the start's 0.8 m; where they come from is not known",
         "largest error backwards": "a range was checked, of which the middle stands here; it lies inside",
-        "speed control takes over": "read off Figure 10 to half a second; the article's engine is not known",
         "gap over L + τ v": "the gap goes to its set-point exponentially and is 0.2 % from it after 15 s",
         "standstill": "read off Figure 10 to a second",
         "mean acceleration": "(32) is evaluated anew in each step and makes up for what the brake's lag loses",

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper
 from lanekeep_env.engine.episode import cars_in
@@ -109,14 +107,14 @@ def _report(k, first, last, cars, settings, outcome):
     )
     met, passed = outcome[at.O_AVOIDABLE_CONTACT], outcome[at.O_AVOIDABLE_OVERRUN]
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
-    none, zero, one = like(seconds, np.inf), like(seconds, 0.0), like(seconds, 1.0)
+    none, zero, one = like(seconds, at.NOWHERE), like(seconds, 0.0), like(seconds, 1.0)
     contact, overrun, near = like(seconds, CONTACT), like(seconds, STOP_PASSED), like(seconds, AT_THE_STOP)
     for i in range(first, last):
         gap, stop, speed, ending = gap_[i], stop_[i], magnitude(v_[i]), ending_[i]
         there, closing = gap < like(gap, 0.5 * at.NOWHERE), speed - lead_[i]
         comes = there & (closing > zero)
         gaps[begin + i] = select(there, gap, none)
-        times[begin + i] = select(comes, gap / select(comes, closing, one), none)
+        times[begin + i] = select(comes, smaller(gap / select(comes, closing, one), none), none)
         stops[begin + i] = select((stop < zero) | ((stop < near) & (speed == zero)), stop, zero)
         errors[begin + i] = v_[i] - wanted_speed(set_[i], gap, stop)
         jerks[begin + i] = (pull_[i] - before_[i]) / seconds

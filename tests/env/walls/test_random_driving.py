@@ -110,7 +110,8 @@ def test_random_episodes_over_the_whole_parameter_range(wanted, combinations):
         if episodes >= wanted:
             break
         keywords = with_effect(IDS[k % 2], random_keywords(rng, k % 2, combinations))
-        env = gym.make_vec(IDS[k % 2], cars, "vector_entry_point", max_episode_steps=50, **keywords)
+        keywords["episode_steps"] = min(keywords["episode_steps"], 50)
+        env = gym.make_vec(IDS[k % 2], cars, "vector_entry_point", **keywords)
         low, high = env.observation_space.low, env.observation_space.high
         observation, infos = env.reset(seed=int(rng.integers(2**31)))
         episodes += cars

@@ -66,7 +66,7 @@ def refused(name=WALL, **keywords):
         ({"encoder_direction": "no"}, ["encoder_direction='no'", "True or False"]),
         ({"sensors": {"distance_rigth": {}}}, ["'distance_rigth'", "did you mean 'distance_right'"]),
         ({"sensors": {"yaw_rate": {"period": 0.1}}}, ["sensors.yaw_rate.period=0.1", "0.045 s"]),
-        ({"control_step": 0.052}, ["control_step=0.052", "multiple of 0.005 s"]),
+        ({"control_step": 0.0005}, ["control_step=0.0005", ">= 0.001", "s"]),
         ({"observation": "ful"}, ["observation='ful'", "did you mean 'full'"]),
         ({"world": "coridor"}, ["'coridor'", "did you mean 'corridor'"]),
         ({"world": {"kind": "corridor", "width": 0.1}}, ["world.width=0.1", ">= 0.5", " m"]),
