@@ -5,7 +5,15 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from gymnasium.spaces import Box
-from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecFrameStack, VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import (
+    DummyVecEnv,
+    SubprocVecEnv,
+    VecCheckNan,
+    VecFrameStack,
+    VecMonitor,
+    VecNormalize,
+    VecVideoRecorder,
+)
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
 from lanekeep_agents.vec_env import CarVecEnv
@@ -13,16 +21,21 @@ from lanekeep_env.checks import shown
 from lanekeep_env.envs.skin import observation_space
 from lanekeep_env.scenario.car import CarScenario
 
-#: Wrappers of a single environment that leave observations and actions as they are, by name.
+#: Layers that leave observations and actions as they are.
+_TRANSPARENT = (VecMonitor, VecVideoRecorder, VecCheckNan)
+#: Wrappers of a single environment that do, by name.
 _HARMLESS = {
+    "ClipReward",
     "HumanRendering",
     "Monitor",
+    "NormalizeReward",
     "OrderEnforcing",
     "PassiveEnvChecker",
     "RecordEpisodeStatistics",
     "RecordVideo",
     "RenderCollection",
     "TimeLimit",
+    "TransformReward",
 }
 
 
@@ -52,7 +65,7 @@ def layers_of(env: Any) -> Layers:
     normalize: Any = None
     frames, normalized_frames = 1, False
     layer = env
-    while isinstance(layer, VecNormalize | VecMonitor | VecFrameStack):
+    while isinstance(layer, (VecNormalize, VecFrameStack, *_TRANSPARENT)):
         if isinstance(layer, VecNormalize):
             if normalize is not None:
                 raise ValueError("env has two layers of VecNormalize; allowed: one")
@@ -68,7 +81,8 @@ def layers_of(env: Any) -> Layers:
     if not isinstance(layer, DummyVecEnv | SubprocVecEnv):
         raise ValueError(
             f"env has the layer {type(layer).__name__}, which a policy file cannot hold; allowed: VecNormalize, "
-            "VecMonitor, VecFrameStack over sb3_vec_env(...), make_vec_env(...), DummyVecEnv or SubprocVecEnv"
+            "VecFrameStack, VecMonitor, VecVideoRecorder and VecCheckNan over sb3_vec_env(...), make_vec_env(...), "
+            "DummyVecEnv or SubprocVecEnv"
         )
     return Layers(*_cars(layer), normalize, frames, normalized_frames)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, fields
 from typing import Any
 
@@ -59,7 +59,7 @@ def start_rows(fixed: Mapping[str, Any], starts: tuple[str, ...], cars: int) -> 
     return start
 
 
-def bounds(drawn: Mapping[str, Any], scenario: Any, present: Sequence[float]) -> list[float]:
+def bounds(drawn: Mapping[str, Any], scenario: Any, present: np.ndarray) -> list[float]:
     """Return low and high of each randomised number for this episode and those after it.
 
     Args:
@@ -67,7 +67,7 @@ def bounds(drawn: Mapping[str, Any], scenario: Any, present: Sequence[float]) ->
             leave what they do not name as the scenario says; and entries of it by their own names, which leave the
             others as they are.
         scenario: whose bounds hold everything: it was judged with them.
-        present: low and high of each number as they are.
+        present: low and high of each number as they are, in the precision of the simulation.
 
     Raises:
         ValueError: a bound is outside the scenario's, or has no effect in it.
@@ -78,7 +78,7 @@ def bounds(drawn: Mapping[str, Any], scenario: Any, present: Sequence[float]) ->
     kept = asdict(declared)
     if "randomisation" not in drawn:
         low, high = np.reshape(declared.bounds(), (-1, 2)).T
-        now = np.reshape(np.asarray(present, dtype=np.float64), (-1, 2)).clip(low[:, None], high[:, None])  # of float32
+        now = np.reshape(present.astype(np.float64), (-1, 2)).clip(low[:, None], high[:, None])  # of float32
         kept = {name: tuple(now[k].tolist()) for k, name in enumerate(DRAWN)}
     elif whole is None or isinstance(whole, Mapping):
         given = {**(whole or {}), **given}

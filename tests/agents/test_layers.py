@@ -16,6 +16,7 @@ from stable_baselines3.common.vec_env import (
     DummyVecEnv,
     SubprocVecEnv,
     VecCheckNan,
+    VecEnvWrapper,
     VecFrameStack,
     VecMonitor,
     VecNormalize,
@@ -129,11 +130,29 @@ def test_a_model_with_another_activation_is_saved(layer, tmp_path):
     np.testing.assert_allclose(lanekeep_agents.load(tmp_path / "mine.json").predict(rows)[0], wanted, atol=1e-6)
 
 
+class Halved(VecEnvWrapper):
+    """A layer that a policy file does not know."""
+
+    def reset(self):
+        return 0.5 * self.venv.reset()
+
+    def step_wait(self):
+        observation, *rest = self.venv.step_wait()
+        return (0.5 * observation, *rest)
+
+
+def test_what_changes_neither_observations_nor_actions_may_lie_between(tmp_path):
+    rewards = {"wrapper_class": gym.wrappers.ClipReward, "wrapper_kwargs": {"min_reward": -1.0, "max_reward": 0.0}}
+    for env in (VecCheckNan(VecMonitor(lanekeep_agents.sb3_vec_env(ID, 1))), make_vec_env(ID, 1, **rewards)):
+        model = PPO("MlpPolicy", env, n_steps=8, batch_size=8, device="cpu")
+        assert lanekeep_agents.save(tmp_path / "mine.json", model, overwrite=True).frames == 1
+
+
 @pytest.mark.parametrize(
     ("env", "words"),
     [
         (lambda: make_vec_env("Pendulum-v1", 1), "one of lanekeep's ids"),
-        (lambda: VecCheckNan(lanekeep_agents.sb3_vec_env(ID, 1)), "layer VecCheckNan"),
+        (lambda: Halved(lanekeep_agents.sb3_vec_env(ID, 1)), "layer Halved"),
         (lambda: VecFrameStack(VecFrameStack(lanekeep_agents.sb3_vec_env(ID, 1), 2), 2), "two layers of VecFrameStack"),
         (lambda: make_vec_env(ID, 1, wrapper_class=gym.wrappers.NormalizeObservation), "NormalizeObservation"),
         (

@@ -113,6 +113,7 @@ PICTURES = {
         "figure_5.png",
         "figure_7.png",
         "plan_errors.png",
+        "turns.png",
         "set_points.png",
     },
     "knightriders": {

@@ -110,6 +110,28 @@ def set_points(driven: Drive) -> bytes:
     return png(figure)
 
 
+def turns(errors: Mapping[tuple[str, float], Sequence[float]], speeds: Sequence[float], names: Sequence[str]) -> bytes:
+    """Largest errors of turns by angle and of the bypass, a panel a speed; the lane's edge dashed."""
+    drives = list(dict.fromkeys(drive for drive, _ in errors))
+    figure = Figure(figsize=(11, 3.8), layout="constrained")
+    for axes, speed in zip(figure.subplots(1, len(speeds), sharey=True), speeds, strict=True):
+        for place, name in enumerate(names):
+            largest = [errors[drive, speed][place] for drive in drives]
+            across = np.arange(len(drives)) + 0.25 * (place - 1)
+            axes.bar(across, largest, width=0.22, color=colour_of(place), label=name)
+        axes.axhline(1.5, color="#b00000", linewidth=1.0, linestyle="--")
+        labels = [drive.removeprefix("turn by ").replace(" ", "\n") for drive in drives]
+        axes.set_xticks(np.arange(len(drives)), labels, fontsize=8)
+        axes.set_xlabel(f"turn, {speed:g} m/s")
+        axes.grid(**GRID, axis="y")
+        axes.set_axisbelow(True)
+        if axes.get_subplotspec().is_first_col():
+            axes.set_ylabel("mean of the largest error [m]")
+            figure.legend(loc="outside lower center", ncols=len(names), frameon=False, fontsize=8)
+    figure.suptitle("Drives without the edge, by angle, and round an obstacle (red: lane's edge)", fontsize=11)
+    return png(figure)
+
+
 def plan_errors(curves: Mapping[str, Mapping[str, Sequence[float]]]) -> bytes:
     """Largest errors over the size of the plan's, a panel a kind; the lane's edge dashed."""
     labels = {

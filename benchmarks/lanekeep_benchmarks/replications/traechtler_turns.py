@@ -75,14 +75,16 @@ def cell(told: tuple[float, float]) -> str:
 
 def angles(found: Replication) -> None:
     """Turns by 30 to 150 degrees, and the bypass, at 2, 4 and 6 m/s."""
-    rows = []
+    rows, errors = [], {}
     for name, way, road in (
         *((f"turn by {degrees}°", 170.0, turn(degrees)) for degrees in TURNS),
         ("round an obstacle", 90.0, {"kind": "bypass", "count": ROADS}),
     ):
         for speed in SPEEDS:
-            told = [cell(blind_drives(policy, way, speed, road=road)) for policy in POLICIES.values()]
-            rows.append((name, f"{speed:g}", *told))
+            told = [blind_drives(policy, way, speed, road=road) for policy in POLICIES.values()]
+            rows.append((name, f"{speed:g}", *map(cell, told)))
+            errors[name, speed] = [error for _, error in told]
+    found.pictures["turns.png"] = plots.turns(errors, SPEEDS, tuple(POLICIES))
     found.tables.append(
         Table(
             "Blind drives by angle, and round an obstacle: mean of the largest error over 32 roads [m] (the lane ends"
@@ -96,30 +98,31 @@ def angles(found: Replication) -> None:
 def plan_errors(found: Replication) -> None:
     """Turns by 90 degrees by a plan that is wrong, by kind and size of the error."""
     rows, curves = [], {}
-    blind = {name: policy for name, policy in POLICIES.items() if name != "PD"}
     road = turn(90)
-    right = {name: blind_drives(policy, 170.0, 4.0, road=road) for name, policy in blind.items()}
+    right = {name: blind_drives(policy, 170.0, 4.0, road=road) for name, policy in POLICIES.items()}
+
+    def wrong(name: str, kind: str, size: float) -> tuple[float, float]:
+        """By a wrong plan; what reads none drives as by the right one."""
+        if name == "PD":
+            return right[name]
+        return blind_drives(POLICIES[name], 170.0, 4.0, road=road, plan_errors={kind: size})
+
     rows.append(("none", "0", *(cell(one) for one in right.values())))
     for kind, sizes in SIZES.items():
         sized = [0.0, *sizes]
         curves[kind] = {"size": sized, **{name: [one[1]] for name, one in right.items()}}
         for size in sizes:
             cells = []
-            for name, policy in blind.items():
-                both = [
-                    blind_drives(policy, 170.0, 4.0, road=road, plan_errors={kind: sign * size}) for sign in (-1.0, 1.0)
-                ]
+            for name in POLICIES:
+                both = [wrong(name, kind, sign * size) for sign in (-1.0, 1.0)]
                 told = float(np.mean([one[0] for one in both])), float(np.mean([one[1] for one in both]))
                 cells.append(cell(told))
                 curves[kind][name].append(told[1])
             unit = f"± {size:g} m" if kind == "offset" else f"± {100 * size:g} %"
             rows.append((kind, unit, *cells))
-    curves["recognised"] = {"size": list(RECOGNISED), **{name: [] for name in blind}}
+    curves["recognised"] = {"size": list(RECOGNISED), **{name: [] for name in POLICIES}}
     for ahead in RECOGNISED:
-        told_all = {
-            name: blind_drives(policy, 170.0, 4.0, road=road, plan_errors={"recognised": ahead})
-            for name, policy in blind.items()
-        }
+        told_all = {name: wrong(name, "recognised", ahead) for name in POLICIES}
         for name, one in told_all.items():
             curves["recognised"][name].append(one[1])
         rows.append(("recognised", f"{ahead:g} m ahead", *(cell(one) for one in told_all.values())))
@@ -127,8 +130,8 @@ def plan_errors(found: Replication) -> None:
     found.tables.append(
         Table(
             "Turns by 90° at 4 m/s by a plan with errors: mean of the largest error over 32 roads and both signs [m]"
-            " (the lane ends at 1.5; look-ahead point 6.5 m ahead of the rear axle)",
-            ("error of the plan", "size", *blind),
+            " (the lane ends at 1.5; look-ahead point 6.5 m ahead of the rear axle; the PD controller reads no plan)",
+            ("error of the plan", "size", *POLICIES),
             tuple(rows),
         )
     )
