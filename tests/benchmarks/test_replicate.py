@@ -237,8 +237,9 @@ def test_errors_of_the_plan_cost_what_they_move(replicated):
     rows = {(kind, size): cells for kind, size, *cells in table_of(replicated("traechtler"), "plan with errors")}
     assert len(rows) == 1 + 4 + 3 + 3 + 8
     # Feedforward alone: the whole offset; a bend recognised behind the look-ahead point is too late for the loop.
-    assert float(rows["offset", "± 1 m"][1]) == pytest.approx(1.0, abs=0.1)
-    assert "left" in rows["recognised", "5 m ahead"][0] and float(rows["recognised", "5 m ahead"][1]) < 0.1
+    assert float(rows["offset", "± 1 m"][2]) == pytest.approx(1.0, abs=0.1)
+    assert "left" in rows["recognised", "5 m ahead"][1] and float(rows["recognised", "5 m ahead"][2]) < 0.1
+    assert {cells[0] for cells in rows.values()} == {rows["none", "0"][0]}  # the PD controller reads no plan
     assert rows["recognised", "7 m ahead"] == rows["none", "0"]
 
 
@@ -261,7 +262,9 @@ def test_the_observer_lowers_the_rms_and_raises_the_peak_of_the_sharp_bends(repl
 
 
 def test_only_the_redesign_steers_clearly_faster(replicated):
-    lqr, printed, redesigned = ([float(cell) for cell in row[1:]] for row in table_of(replicated("yin"), "Faster"))
+    lqr, printed, redesigned = (
+        [float(cell) for cell in row[1:]] for row in table_of(replicated("yin"), "faster reaction")
+    )
     assert redesigned[1] < 0.5 * lqr[1] and abs(printed[1] - lqr[1]) < 0.05
     assert redesigned[-1] < printed[-1] < lqr[-1]
 
