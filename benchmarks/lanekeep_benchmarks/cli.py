@@ -29,6 +29,7 @@ from lanekeep_benchmarks.endings import (
 )
 from lanekeep_benchmarks.envs_command import envs
 from lanekeep_benchmarks.export_command import export
+from lanekeep_benchmarks.margins_command import margins_command
 from lanekeep_benchmarks.new_command import new
 from lanekeep_benchmarks.play_command import POLICY, play_command
 from lanekeep_benchmarks.replicate_command import replicate
@@ -63,6 +64,7 @@ def _everything(
 app.command()(envs)
 app.command()(export)
 app.command(name="play")(play_command)
+app.command(name="margins")(margins_command)
 app.command()(train)
 app.command()(replicate)
 app.command()(zoo)
