@@ -14,6 +14,7 @@ import pytest
 import lanekeep_agents
 import lanekeep_baselines
 import lanekeep_env  # noqa: F401  (registers the environments)
+from lanekeep_baselines import lq
 from lanekeep_baselines.margins import Margins, margins
 from lanekeep_env.physics.parameters import VEHICLES
 from lanekeep_env.scenario import LaneKeepScenario
@@ -103,13 +104,32 @@ def test_the_observer_has_the_margins_that_were_read_elsewhere(speed: float) -> 
 
 
 @pytest.mark.parametrize("speed", READ_PREVIEW)
-def test_preview_has_the_margins_that_were_read_elsewhere(speed: float) -> None:
+def test_preview_has_the_margins_that_were_read_elsewhere(speed: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the filter that was read: it believed the measured steering angle."""
+    monkeypatch.setattr(lq, "SLOW", 0.0)
     scenario = scenario_of()
-    found = margins(lanekeep_baselines.make("lq-preview", scenario), scenario, speed)
+    policy = lq.LqPreview(scenario, replace(lq.LqPreview.weights, steer=1e-3))
+    found = margins(policy, scenario, speed)
     gain, phase, sensitivity = READ_PREVIEW[speed]
     assert found.gain == pytest.approx(gain, rel=0.01)
     assert math.degrees(found.phase) == pytest.approx(phase, abs=0.6)
     assert found.sensitivity == pytest.approx(sensitivity, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["lq-preview", "lq-preview-offset-free", "lqg"])
+def test_the_optima_keep_their_distance_on_the_car_they_are_tuned_for(name: str) -> None:
+    """Ms at most 2, the usual bound, from walking pace to 60 m/s, between the design points too."""
+    scenario = scenario_of()
+    policy = lanekeep_baselines.make(name, scenario)
+    for speed in (1.0, 1.5, 3.0, 7.2, 12.0, 14.5, 16.0, 25.0, 40.0, 60.0):
+        assert margins(policy, scenario, speed).sensitivity < 2.0
+
+
+@pytest.mark.parametrize("name", ["lq-preview", "lq-preview-offset-free", "lqg"])
+def test_a_slow_car_bears_an_actuator_that_turns_too_far(name: str) -> None:
+    """Its limit cycle at 1 m/s and a gain of 1.15 was found by driving."""
+    env = straight(1.0)
+    assert swings(env, lanekeep_baselines.make(name, env.unwrapped.scenario), 1.15) < 0.9
 
 
 def swings(env: gym.Env, policy: Any, gain: float = 1.0, steps: int = 2400) -> float:
