@@ -29,8 +29,8 @@ SPEEDS: Floats = np.arange(1.0, 60.1, 1.0)
 MEASURED_CHANNELS = ("steering_angle", "yaw_rate", "heading_error", "lateral_error")
 LEAST_NOISE: Floats = np.array([2e-5, 5e-4, 3e-4, 3e-3])
 #: Below this speed, m/s, the filters take the road wheel to follow its model to within `FOLLOWING` (rad a step). The
-#: optimum adds to the angle that is, as an integrator; with the measured angle it has the actuator's gain in it, which a
-#: slow car does not correct in time (Ms 7 to 14 at 1 m/s, 1.2 to 1.8 with the model's angle).
+#: optimum adds to the angle that is, as an integrator; with the measured angle it has the actuator's gain in it, which
+#: a slow car does not correct in time (Ms 7 to 14 at 1 m/s, 1.2 to 1.8 with the model's angle).
 SLOW, FOLLOWING = 15.0, 1e-6
 #: Least preview, s: behind it the curvature is taken to stay as it is.
 SHORTEST_PREVIEW = 1.0
