@@ -28,6 +28,8 @@ SPEEDS: Floats = np.arange(1.0, 60.1, 1.0)
 #: filter assumes of them (rad, rad/s, rad, m): a tenth of those of production sensors.
 MEASURED_CHANNELS = ("steering_angle", "yaw_rate", "heading_error", "lateral_error")
 LEAST_NOISE: Floats = np.array([2e-5, 5e-4, 3e-4, 3e-3])
+#: Wheelbase, m, from which on cars are as long as those that the weights were tuned on.
+FULL_SIZE = 2.0
 #: Least preview, s: behind it the curvature is taken to stay as it is.
 SHORTEST_PREVIEW = 1.0
 
@@ -98,9 +100,13 @@ class LinearQuadratic(SteeringPolicy):
         interval, reach = scenario.preview_interval, _reach(scenario)
         step, slip = scenario.control_step, scenario.dynamics != "kinematic"
         actuator = scenario.vehicle.steering
-        car = replace(scenario.vehicle, steering=replace(actuator, lag=actuator.lag + weights.lag))
+        # A model car goes round bends as much tighter as it is shorter, in the square root of the time: of lateral errors
+        # as large as a full-size car's, and as slow a road wheel, the optimum would cut them beyond its lane.
+        length = min(1.0, scenario.vehicle.wheelbase / FULL_SIZE)
+        time = math.sqrt(length)
+        car = replace(scenario.vehicle, steering=replace(actuator, lag=actuator.lag + weights.lag * time))
         weight = weights.rate * scenario.cost_weight
-        cost = Cost(scenario.reference_lateral_error, weight, scenario.reference_steering_rate)
+        cost = Cost(scenario.reference_lateral_error * length, weight, scenario.reference_steering_rate / time)
         measuring = _measuring(scenario.sensors, step)
         steps = 2 + int(reach / step) if known else 1
         self._sideslip = steady_sideslip(car, slip)
