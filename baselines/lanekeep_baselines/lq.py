@@ -100,8 +100,8 @@ class LinearQuadratic(SteeringPolicy):
         interval, reach = scenario.preview_interval, _reach(scenario)
         step, slip = scenario.control_step, scenario.dynamics != "kinematic"
         actuator = scenario.vehicle.steering
-        # A model car goes round bends as much tighter as it is shorter, in the square root of the time: of lateral errors
-        # as large as a full-size car's, and as slow a road wheel, the optimum would cut them beyond its lane.
+        # A model car goes round bends as much tighter as it is shorter, in the square root of the time: allowed a
+        # full-size car's lateral errors, and as slow a road wheel, the optimum would cut them beyond its lane.
         length = min(1.0, scenario.vehicle.wheelbase / FULL_SIZE)
         time = math.sqrt(length)
         car = replace(scenario.vehicle, steering=replace(actuator, lag=actuator.lag + weights.lag * time))
