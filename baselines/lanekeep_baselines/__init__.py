@@ -54,6 +54,7 @@ _POLICIES = {
     "lane-support": "lane_support:LaneSupport",
     "lq-preview": "lq:LqPreview",
     "lq-preview-offset-free": "lq:LqPreviewOffsetFree",
+    "mpc-preview": "mpc:MpcPreview",
     "lqg": "lq:LinearQuadraticGaussian",
     "knightriders-circuit": "knightriders_circuit:KnightRidersCircuit",
     "knightriders-obstacles": "knightriders_obstacles:KnightRidersObstacles",

@@ -32,6 +32,8 @@ LEAST_NOISE: Floats = np.array([2e-5, 5e-4, 3e-4, 3e-3])
 #: optimum adds to the angle that is, as an integrator; with the measured angle it has the actuator's gain in it, which
 #: a slow car does not correct in time (Ms 7 to 14 at 1 m/s, 1.2 to 1.8 with the model's angle).
 SLOW, FOLLOWING = 15.0, 1e-6
+#: Wheelbase, m, from which on cars are as long as those that the weights were tuned on.
+FULL_SIZE = 2.0
 #: Least preview, s: behind it the curvature is taken to stay as it is.
 SHORTEST_PREVIEW = 1.0
 
@@ -89,7 +91,7 @@ class LinearQuadratic(SteeringPolicy):
         "steering_angle",
         "steering_command",
     )
-    packages = ("scipy",)
+    packages: ClassVar[tuple[str, ...]] = ("scipy",)
     estimated: ClassVar[Estimated]
     #: What `python -m lanekeep_baselines.tuning` found.
     weights: ClassVar[Weights]
@@ -102,11 +104,16 @@ class LinearQuadratic(SteeringPolicy):
         interval, reach = scenario.preview_interval, _reach(scenario)
         step, slip = scenario.control_step, scenario.dynamics != "kinematic"
         actuator = scenario.vehicle.steering
-        car = replace(scenario.vehicle, steering=replace(actuator, lag=actuator.lag + weights.lag))
+        # A model car goes round bends as much tighter as it is shorter, in the square root of the time: allowed a
+        # full-size car's lateral errors, and as slow a road wheel, the optimum would cut them beyond its lane.
+        length = min(1.0, scenario.vehicle.wheelbase / FULL_SIZE)
+        time = math.sqrt(length)
+        car = replace(scenario.vehicle, steering=replace(actuator, lag=actuator.lag + weights.lag * time))
         weight = weights.rate * scenario.cost_weight
-        cost = Cost(scenario.reference_lateral_error, weight, scenario.reference_steering_rate)
+        cost = Cost(scenario.reference_lateral_error * length, weight, scenario.reference_steering_rate / time)
         measuring = _measuring(scenario.sensors, step)
         steps = 2 + int(reach / step) if known else 1
+        self._car, self._cost, self._steps, self._slip = car, cost, steps, slip
         self._sideslip = steady_sideslip(car, slip)
         feedback, filters = [], []
         for speed in SPEEDS:
@@ -149,12 +156,13 @@ class LinearQuadratic(SteeringPolicy):
             followed = weighted_sum(self._filter(speed), np.concatenate(inputs, axis=1))
             estimates = np.where(started, estimates, followed)
         sent = commands[:, : self._on_the_way]
-        command = weighted_sum(
-            self._feedback(speed),
-            np.concatenate([estimates[:, : self.estimated.states], sent, *[one[:, None] for one in road]], axis=1),
-        )
+        seen = np.concatenate([estimates[:, : self.estimated.states], sent, *[one[:, None] for one in road]], axis=1)
         now = road[0][:, None] if road else np.zeros((len(speed), 0))
-        return command, np.concatenate([estimates, now, sent], axis=1)
+        return self.steer(speed, seen), np.concatenate([estimates, now, sent], axis=1)
+
+    def steer(self, speed: Floats, seen: Floats) -> Floats:
+        """Return the command, rad, (n,), for estimates, commands on their way and the road ahead side by side."""
+        return weighted_sum(self._feedback(speed), seen)
 
     def _start(self, measured: list[Floats], speed: Floats) -> list[Floats]:
         """Return the estimates at an episode's start: a car that drives steadily along its arc, as episodes begin."""

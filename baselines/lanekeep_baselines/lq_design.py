@@ -126,22 +126,60 @@ def doubled(a: Floats, g: Floats, h: Floats) -> Floats:
     raise ValueError(f"the Riccati equation has no solution within 2^{DOUBLINGS} control steps")
 
 
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A control step of the optimum: z[k+1] = A z[k] + B u[k] + D (o_f, o_r, kappa[k], kappa[k+1]), and what it costs.
+
+    z is (x, u[k-1] ... u[k-m]). Both entries of output z + direct u are squared and added; all steps together cost z'Pz
+    at the least, where nothing disturbs.
+
+    Attributes:
+        a: shape (n, n).
+        b: shape (n, 1).
+        known: D, shape (n, 4).
+        output: of the lateral error and of the road wheel's move, shape (2, n).
+        direct: shape (2, 1).
+        p: P, shape (n, n).
+        state: the optimum is u = -state z, shape (1, n).
+    """
+
+    a: Floats
+    b: Floats
+    known: Floats
+    output: Floats
+    direct: Floats
+    p: Floats
+    state: Floats
+
+    @classmethod
+    def of(cls, model: StepModel, cost: Cost, step: float) -> Stage:
+        """Solve the Riccati equation for control steps of ``step`` s."""
+        a, b, known = model.with_commands()
+        n = len(a)
+        moves = np.eye(n)[STEER]
+        output = np.stack([np.eye(n)[LATERAL] / cost.lateral, np.zeros(n)])
+        output[1] = (a[STEER] - moves) * np.sqrt(cost.weight) / (step * cost.rate)
+        direct = np.array([[0.0], [b[STEER, 0] * np.sqrt(cost.weight) / (step * cost.rate)]])
+        q, s, r = output.T @ output, output.T @ direct, direct.T @ direct
+        p = least_cost(a, b, q, r, s)
+        inverse = 1.0 / (r + b.T @ p @ b)
+        return cls(a, b, known, output, direct, p, inverse @ (b.T @ p @ a + s.T))
+
+    def ahead(self) -> Floats:
+        """M, shape (1, n): what a disturbance of the next step asks of the command is M P e."""
+        return np.asarray(self.b.T / (self.direct.T @ self.direct + self.b.T @ self.p @ self.b))
+
+    def closed(self) -> Floats:
+        """A of the optimal loop, shape (n, n)."""
+        return np.asarray(self.a - self.b @ self.state)
+
+
 def gains(model: StepModel, cost: Cost, step: float, steps: int = 1) -> Gains:
     """Solve the Riccati equation for control steps of ``step`` s; the curvature is known at ``steps`` >= 1 of them."""
-    a, b, known = model.with_commands()
-    n = len(a)
-    moves = np.eye(n)[STEER]
-    output = np.stack([np.eye(n)[LATERAL] / cost.lateral, np.zeros(n)])
-    output[1] = (a[STEER] - moves) * np.sqrt(cost.weight) / (step * cost.rate)
-    direct = np.array([[0.0], [b[STEER, 0] * np.sqrt(cost.weight) / (step * cost.rate)]])
-    q, s, r = output.T @ output, output.T @ direct, direct.T @ direct
-    p = least_cost(a, b, q, r, s)
-    inverse = 1.0 / (r + b.T @ p @ b)
-    state = inverse @ (b.T @ p @ a + s.T)
-    closed = (a - b @ state).T
-    ahead = inverse @ b.T  # M (A_c')^i
-    disturbance = p @ known
-    held = (ahead @ np.linalg.solve(np.eye(n) - closed, disturbance))[0]
+    stage = Stage.of(model, cost, step)
+    closed, ahead = stage.closed().T, stage.ahead()  # M (A_c')^i
+    disturbance = stage.p @ stage.known
+    held = (ahead @ np.linalg.solve(np.eye(len(closed)) - closed, disturbance))[0]
     curvature = np.zeros(steps)
     for i in range(steps - 1):
         now, following = (ahead @ disturbance)[0, 2:]
@@ -150,7 +188,7 @@ def gains(model: StepModel, cost: Cost, step: float, steps: int = 1) -> Gains:
         ahead = ahead @ closed
     constant = held[2:3] + held[3:]
     curvature[-1] = constant[0] - curvature[:-1].sum()
-    return Gains(state[0], held[:2], constant, curvature)
+    return Gains(stage.state[0], held[:2], constant, curvature)
 
 
 def on_samples(curvature: Floats, step: float, samples: int, interval: float) -> Floats:

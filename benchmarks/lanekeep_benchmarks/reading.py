@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from lanekeep_benchmarks.results import EPISODES, LARGEST_LINES, read_lines
-from lanekeep_benchmarks.traces import FOLDER
+from lanekeep_benchmarks.traces import FOLDER, KEYS
 from lanekeep_env.checks import shown_path
 from lanekeep_env.files import read_bounded
 
@@ -49,19 +51,40 @@ def read(folder: str | Path) -> Results:
 
 
 def _steps(files: list[Path]) -> pd.DataFrame:
+    """The steps of all files; numbers go straight into the frame's own memory, which for a suite is a gigabyte."""
     import pandas as pd
     import pyarrow as pa
     from pyarrow import parquet
 
-    tables = []
+    if not files:
+        return pd.DataFrame()
+    heads = {}
     for file in files:
         try:
-            tables.append(parquet.read_table(file))
+            heads[file] = parquet.read_metadata(file)
         except (pa.ArrowException, OSError) as error:
             raise ValueError(f"{file} is not a trace: {error}") from None
-    if not tables:
-        return pd.DataFrame()
-    frame: pd.DataFrame = (
-        pa.concat_tables(tables, promote_options="default").unify_dictionaries().to_pandas(split_blocks=True)
-    )
-    return frame
+    names = list(dict.fromkeys(name for head in heads.values() for name in head.schema.names))
+    numbers = {name: row for row, name in enumerate(name for name in names if name not in KEYS)}
+    rows = sum(head.num_rows for head in heads.values())
+    whole = np.zeros((2, rows), dtype=np.int32)
+    values = np.empty((len(numbers), rows), dtype=np.float32)
+    texts: dict[str, list[Any]] = {name: [] for name in KEYS[:2]}
+    first = 0
+    for file, head in heads.items():
+        rest = slice(first, first + head.num_rows)
+        try:
+            opened = parquet.ParquetFile(file)
+            for name, column in texts.items():
+                column += opened.read(columns=[name]).column(name).chunks
+            for name, row in zip(KEYS[2:], whole, strict=True):
+                row[rest] = opened.read(columns=[name]).column(name).to_numpy()
+            for name, place in numbers.items():
+                there = name in head.schema.names
+                values[place, rest] = opened.read(columns=[name]).column(name).to_numpy() if there else np.nan
+        except (pa.ArrowException, OSError, KeyError, ValueError) as error:
+            raise ValueError(f"{file} is not a trace: {error}") from None
+        first = rest.stop
+    keys = {name: pa.chunked_array(column).unify_dictionaries().to_pandas() for name, column in texts.items()}
+    frames = pd.DataFrame(keys), pd.DataFrame(whole.T, columns=list(KEYS[2:]), copy=False)
+    return pd.concat([*frames, pd.DataFrame(values.T, columns=list(numbers), copy=False)], axis=1)

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 #: Folder of the traces in that of a run.
 FOLDER = "traces"
+#: What tells a row from the others: two texts, two whole numbers; every other column is a number.
+KEYS = ("scenario", "policy", "episode", "step")
 #: Beams of a scan are not kept: 512 numbers a step.
 _BEAM = re.compile(r"scan_\d+")
 #: Steps that are turned into columns together: they fit the processor's cache.
@@ -61,17 +63,20 @@ class Trace:
         whole = alive.all()  # most often, and much faster than a mask
         names, table = self._numbers(cars)
         numbers = {name: values.ravel() if whole else values[alive] for name, values in zip(names, table, strict=True)}
+        arrays = {name: pa.array(values) for name, values in (columns | numbers).items()}
+        # Nothing is missing; that said, a quarter of the writing is saved.
+        schema = pa.schema([pa.field(name, array.type, nullable=False) for name, array in arrays.items()])
         buffer = io.BytesIO()
         # Numbers of a drive do not repeat: dictionaries and statistics would cost time and save nothing. Their bytes
         # do, place by place: split so, they take a third less.
-        keys = ["scenario", "policy"]
         parquet.write_table(
-            pa.table(columns | numbers),
+            pa.table(list(arrays.values()), schema),
             buffer,
             compression="lz4",
-            use_dictionary=keys,
+            use_dictionary=["scenario", "policy"],
             use_byte_stream_split=list(numbers),
             write_statistics=False,
+            write_batch_size=1 << 16,
         )
         return buffer.getvalue()
 

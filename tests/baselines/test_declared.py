@@ -209,7 +209,7 @@ def test_without_packages_the_rest_can_be_designed() -> None:
     block = "sys.modules.update(control=None, scipy=None)"
     found, _ = told(block, "[lanekeep_baselines.make(name, one) for name in found[record]]")
     missing = set(lanekeep_baselines.names()) - {name for names in found.values() for name in names}
-    assert missing == {name for name in lanekeep_baselines.names() if name.startswith(("yin", "lq", "lane"))}
+    assert missing == {name for name in lanekeep_baselines.names() if name.startswith(("yin", "lq", "lane", "mpc"))}
 
 
 def table() -> str:

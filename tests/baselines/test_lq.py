@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -221,3 +222,50 @@ def test_scenarios_that_are_not_lanes_are_refused(name: str) -> None:
         lanekeep_baselines.make(name, CameraLaneScenario())
     with pytest.raises(ValueError, match="is not for ReversePathScenario, which has no 'dynamics'"):
         lanekeep_baselines.make(name, ReversePathScenario())
+
+
+def model_car(length: float) -> LaneKeepScenario:
+    """A car and its times, ``length`` as large as one of 2 m; at equal lateral acceleration."""
+    time = length**0.5
+    actuator = {"lag": 0.1 * time, "delay": 0.04 * time}
+    axles = {"cg_to_front_axle": 1.1 * length, "cg_to_rear_axle": 0.9 * length}
+    return LaneKeepScenario(
+        vehicle={"base": "yin", **axles, "yaw_inertia": 1300.0 * length**2, "steering": actuator},
+        control_step=0.04 * time,
+        preview=21,
+        preview_interval=0.1 * time,
+        max_steering_angle=0.4,
+    )
+
+
+@pytest.mark.parametrize("name", ["lq-preview", "lq-preview-offset-free"])
+def test_a_quarter_of_a_car_steers_as_the_whole(name: str) -> None:
+    """Dynamic similarity: a car a quarter as long, in half the time, has the same angles in similar places."""
+    rng = np.random.default_rng(7)
+    places = rng.uniform(-1.0, 1.0, (50, 6)) * [0.3, 0.1, 0.2, 0.0, 0.1, 0.1]
+    places[:, 3] = rng.choice(np.arange(4.0, 50.0, 2.0), 50)
+    bends = rng.uniform(-0.02, 0.02, (50, 21))
+    actions = []
+    for length in (1.0, 0.25):
+        time = length**0.5
+        seen = np.hstack([places * [length, 1.0, 1.0 / time, length / time, 1.0, 1.0], bends / length])
+        actions.append(lanekeep_baselines.make(name, model_car(length)).predict(seen)[0])
+    assert np.abs(actions[0]).max() > 0.1
+    np.testing.assert_allclose(actions[1], actions[0], rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["lq-preview", "lq-preview-offset-free"])
+def test_a_model_car_stays_within_its_narrow_lane(name: str) -> None:
+    """Bends of 0.8 m radius in a lane of 0.9 m, as tracks for cars of scale 1:10 have them."""
+    bend = [(0.6, 0.0, 1.25), (1.5, 1.25, 1.25), (0.6, 1.25, 0.0), (4.0, 0.0, 0.0)]
+    other = [(length, -start, -end) for length, start, end in bend]
+    road = {"kind": "clothoids", "segments": [(4.0, 0.0, 0.0), *4 * [*bend, *other]]}
+    keywords = {"road": road, "vehicle": "knightriders", "dynamics": "kinematic", "lane_width": 0.9, "preview": 16}
+    env = gym.make("lanekeep/LaneKeep-v0", episode_steps="lap", start_lateral_error=0.1, **keywords).unwrapped
+    policy = lanekeep_baselines.make(name, env.scenario)
+    observation, _ = env.reset(seed=0)
+    state, terminated, truncated = None, False, False
+    while not (terminated or truncated):
+        action, state = policy.predict(observation[None], state)
+        observation, _, terminated, truncated, _ = env.step(action[0])
+    assert truncated and not terminated

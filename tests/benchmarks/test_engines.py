@@ -159,19 +159,28 @@ def children(pid):
     return [int(child) for child in found]
 
 
+def start_slow(options):
+    command = [sys.executable, "-m", "lanekeep_benchmarks", "bench", "suite.toml", "--policies", "mine.py:Slow"]
+    pipe = subprocess.PIPE
+    return subprocess.Popen([*command, "--episodes", "600", "--out", "out", *options], stdout=pipe, stderr=pipe)
+
+
+def count(folder):
+    file = folder / EPISODES
+    return file.read_bytes().count(b"\n") if file.exists() else 0
+
+
+def wait_for_lines(folder, process):
+    """Until the first batch is on disk."""
+    while count(folder) < 256 and process.poll() is None:
+        time.sleep(0.01)
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc")
 def test_a_run_killed_with_its_workers_is_completed(here):
     """kill -9 of a worker, then of the run: its workers go with it, and --resume completes it, each line once."""
-    command = [sys.executable, "-m", "lanekeep_benchmarks", "bench", "suite.toml", "--policies", "mine.py:Slow"]
-    options = ["--episodes", "600", "--out", "out", *PROCESSES]
-    process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    file = here / "out" / EPISODES
-
-    def count():
-        return file.read_bytes().count(b"\n") if file.exists() else 0
-
-    while count() < 256 and process.poll() is None:
-        time.sleep(0.01)
+    process = start_slow(PROCESSES)
+    wait_for_lines(here / "out", process)
     workers = [child for child in children(process.pid) if "spawn_main" in Path(f"/proc/{child}/cmdline").read_text()]
     assert len(workers) == 2
     os.kill(workers[0], signal.SIGKILL)
@@ -179,7 +188,7 @@ def test_a_run_killed_with_its_workers_is_completed(here):
     workers = set(children(process.pid)) | set(workers)
     process.kill()
     process.communicate()
-    assert 256 <= count() < 1200
+    assert 256 <= count(here / "out") < 1200
     deadline = time.monotonic() + 20.0
     while any(os.path.exists(f"/proc/{worker}") for worker in workers) and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -213,3 +222,30 @@ def test_a_ray_cluster_loses_a_node_and_no_line(here, monkeypatch):
         cluster.shutdown()
     assert lines(here / "out") == lines(here / "whole")
     assert (here / "out" / "summary.json").read_bytes() == (here / "whole" / "summary.json").read_bytes()
+
+
+@pytest.mark.slow
+def test_a_run_killed_on_a_ray_cluster_is_completed(here):
+    """kill -9 of the run, whose tasks go with it while the cluster lives; --resume completes it there."""
+    ray = pytest.importorskip("ray")
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    try:
+        cluster.add_node(num_cpus=1)
+        cluster.wait_for_nodes()
+        options = ["--engine", "ray", "--address", cluster.address]
+        process = start_slow(options)
+        wait_for_lines(here / "out", process)
+        process.kill()
+        process.communicate()
+        before = count(here / "out")
+        assert 256 <= before < 1200
+        time.sleep(2.0)
+        assert count(here / "out") == before  # nobody else writes
+        assert main(["bench", "--resume", "--out", "out", "--policies", "mine.py:Slow", *options]) == 0
+    finally:
+        ray.shutdown()
+        cluster.shutdown()
+    assert bench(here / "whole", "mine.py:Slow", "--episodes", "600") == 0
+    assert len(lines(here / "out")) == 1200 and lines(here / "out") == lines(here / "whole")

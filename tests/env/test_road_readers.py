@@ -25,6 +25,7 @@ def lines(columns, delimiter=",", decimal=".", header=(), digits=6):
 X, Y = POINTS.T
 S = np.arange(len(X)) * 4.0
 Z = np.zeros(len(X))
+HEADING, BEND = TRUTH.heading(S), TRUTH.curvature(S)
 KM = POINTS / 1000
 TABLES = {
     "plain": lines(POINTS),
@@ -44,7 +45,7 @@ TABLES = {
     "heights": lines(np.c_[X, Y, Z], header=["x,y,z"]),
     "arc length first": lines(np.c_[S, X, Y], header=["s,x,y"]),
     "TUM raceline": lines(
-        np.c_[S, X, Y, Z, Z, Z + 8, Z], "; ", header=["# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2"]
+        np.c_[S, X, Y, HEADING, BEND, Z + 8, Z], "; ", header=["# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2"]
     ),
     "trailing delimiters": lines(np.c_[X, Y]).replace("\n", ",\n"),
     "carriage returns": lines(POINTS).replace("\n", "\r\n"),
@@ -66,6 +67,42 @@ def test_tables(tmp_path, kind):
     road = read_road(path)
     same_line(road)
     assert any("columns" in phrase for phrase in road.assumed)
+
+
+@pytest.mark.parametrize(
+    ("names", "psi", "kappa", "told", "warned"),
+    [
+        ("psi_rad,kappa_radpm", HEADING, BEND, "", ""),
+        ("psi_rad,kappa_radpm", (HEADING + 9.0) % 6.283185307 - 9.0, BEND, "", ""),
+        ("heading_deg,kappa", np.degrees(HEADING), BEND, "", ""),
+        ("psi_rad,kappa", HEADING - np.pi / 2, BEND, "heading psi is to the left of the y axis", ""),
+        ("psi,kappa", np.pi / 2 - HEADING, BEND, "", "psi is to the right of the y axis"),
+        ("psi_rad,kappa", np.degrees(HEADING), BEND, "", "psi is degrees, to the left of the x axis"),
+        ("psi,kappa", HEADING + 0.5, BEND, "", "left of -29 deg from the x axis"),
+        ("psi,kappa", S, BEND, "", "psi does not follow x, y"),
+        ("psi,kappa", HEADING, Z + 0.1, "", "kappa does not follow x, y"),
+    ],
+)
+def test_heading_and_curvature_beside_points_are_compared_with_them(tmp_path, recwarn, names, psi, kappa, told, warned):
+    """They are not needed, but where they say something else a unit or an axis may be another one."""
+    path = tmp_path / "road.csv"
+    path.write_text(lines(np.c_[X, Y, psi, kappa], header=[f"x_m,y_m,{names}"], digits=9))
+    road = read_road(path)
+    same_line(road)
+    found = [phrase for phrase in road.assumed if phrase.startswith(("the heading", "the curvature"))]
+    assert len(found) == bool(told or warned) and all((told or warned) in phrase for phrase in found)
+    messages = [str(warning.message) for warning in recwarn]
+    assert len(messages) == bool(warned) and all(warned in message for message in messages)
+
+
+@pytest.mark.parametrize("factor", [-1.0, 57.3, 0.001])
+def test_a_curvature_in_other_units_is_told_with_its_factor(tmp_path, factor):
+    path = tmp_path / "road.csv"
+    path.write_text(lines(np.c_[X, Y, factor * BEND], header=["x_m,y_m,kappa"], digits=9))
+    with pytest.warns(UserWarning, match="kappa turns .* times as far as x, y") as caught:
+        same_line(read_road(path))
+    told = str(caught[0].message).split("turns ")[1].split()[0]
+    assert float(told) == pytest.approx(factor, rel=0.03)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
@@ -257,7 +294,8 @@ WAYS_OUT = [
     ("road.csv", lines(degrees(POINTS), digits=9), ["m long", "lat,lon"]),
     ("road.csv", lines(np.c_[X, Y, Z]), ["3 columns without names", "x_m,y_m"]),
     ("road.csv", lines(np.c_[S, Z], header=["s,phi"]), ["known are s", "kappa_radpm"]),
-    ("road.csv", lines(POINTS, header=["x_rad,y_rad"]), ["known are none"]),
+    ("road.csv", lines(POINTS, header=["x_rad,y_rad"]), ["'x_rad' is in 'rad'", "allowed: m, km"]),
+    ("road.csv", lines(POINTS, header=["x_pixel,y_pixel"]), ["known are none"]),
     ("road.csv", lines(POINTS, header=["x_kmh,y_m"]), ["'x_kmh' is in 'kmh'", "allowed: m, km"]),
     ("road.csv", lines(np.abs(POINTS).round(1), ",", ",", digits=1), ["decimal comma"]),
     ("road.gpx", "<kml></kml>", ["root <kml>", "expected <gpx>"]),

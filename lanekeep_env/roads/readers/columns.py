@@ -7,6 +7,7 @@ import re
 import numpy as np
 
 from lanekeep_env.checks import shown
+from lanekeep_env.roads.readers.agreement import compare
 from lanekeep_env.roads.readers.drawing import Choice, Drawing
 from lanekeep_env.roads.readers.geodetic import projected
 from lanekeep_env.roads.readers.table import Table, read_table
@@ -18,6 +19,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "y": ("y", "ys", "py", "posy", "ypos", "positiony", "ycoord", "north", "northing", "yref", "ycenter", "ycentre"),
     "s": ("s", "station", "arclength", "distance", "dist", "sracetraj", "sref"),
     "kappa": ("kappa", "curvature", "curv", "kapparacetraj", "kapparef"),
+    "psi": ("psi", "heading", "yaw", "theta", "psiracetraj", "psiref"),
     "speed": ("v", "vx", "speed", "velocity", "vxracetraj", "vref"),
     "right": ("wtrright", "widthright", "rightwidth", "wright", "right", "wr"),
     "left": ("wtrleft", "widthleft", "leftwidth", "wleft", "left", "wl"),
@@ -43,12 +45,14 @@ _UNITS: dict[str, float] = {
         "mph": 0.44704,
     },
     "1/km": 1e-3,
+    "rad": 1.0,
 }
 #: What each quantity may be given in.
 _ALLOWED: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("x", "y", "s", "left", "right", "length"), ("m", "km", "cm", "mm", "ft")),
     **dict.fromkeys(("kappa", "start", "end"), ("radpm", "rad/m", "1/m", "1pm", "1/km")),
     "speed": ("mps", "m/s", "kmh", "km/h", "kph", "mph"),
+    "psi": ("rad", "deg", "°"),
     **dict.fromkeys(("lat", "lon"), ("deg", "°")),
 }
 _LONG = {"meter": "m", "metre": "m", "meters": "m", "metres": "m"}
@@ -98,7 +102,8 @@ def _drawing(
 ) -> Drawing:
     widths, speeds, assumed = beside
     if "x" in needed:
-        return Drawing(np.column_stack([columns["x"], columns["y"]]), None, table.lines, widths, speeds, assumed)
+        points = np.column_stack([columns["x"], columns["y"]])
+        return Drawing(points, None, table.lines, widths, speeds, (*assumed, *compare(points, columns, name)))
     if "lat" in needed:
         points, how = projected(columns["lat"], columns["lon"], name)
         return Drawing(points, None, table.lines, widths, speeds, (*assumed, how))
@@ -142,6 +147,8 @@ def _columns(table: Table, name: str) -> tuple[dict[str, Floats], tuple[str, ...
                 f"{name}: column {shown(heading)} is in {shown(unit)}; allowed: {', '.join(_ALLOWED[quantity])}"
             )
         found[quantity] = table.values[:, k] * (1.0 if unit is None else _UNITS[unit])
+        if quantity == "psi" and unit in ("deg", "°"):
+            found[quantity] = np.radians(found[quantity])
         read.append(f"{_short(heading)} as {quantity}" + ("" if unit is None else f" in {unit}"))
     assumed = ["columns " + ", ".join(read)] if read else []
     if unread:

@@ -1,0 +1,84 @@
+"""Model predictive control with preview of the road: the optimum of the running cost within the limits of the car.
+
+The opponent that the field expects beside LQ and learned policies. Source of the form: Rawlings, Mayne, Diehl, "Model
+Predictive Control", 2nd ed., 2017, chapters 1 and 2; the program is solved by daqp (Arnström, Bemporad, Axehill, "A
+dual active-set solver for embedded quadratic programming using recursive LDL' updates", IEEE TAC 67(8), 2022).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+
+from lanekeep_baselines.lq import SPEEDS, CostScenario, LqPreview
+from lanekeep_baselines.lq_design import Weights
+from lanekeep_baselines.lq_model import STATES, STEER
+from lanekeep_baselines.mpc_problem import Limits, Problem
+from lanekeep_baselines.policy import Floats
+
+
+class LimitedScenario(CostScenario, Protocol):
+    """What a controller that keeps within the car's limits may know besides."""
+
+    @property
+    def tyre(self) -> str: ...
+    @property
+    def friction(self) -> float: ...
+
+
+class MpcPreview(LqPreview):
+    """`mpc-preview`: `lq-preview` within the limits of steering angle, steering rate and friction.
+
+    Where the optimum meets no limit within the horizon, which is the road ahead that is shown, it is the command; where
+    it does, a quadratic program of the horizon's commands is solved, at the nearest design speed.
+    """
+
+    name = "mpc-preview"
+    packages = (*LqPreview.packages, "daqp")
+
+    def __init__(self, scenario: LimitedScenario, weights: Weights | None = None) -> None:
+        super().__init__(scenario, weights)
+        steering, self._step = scenario.vehicle.steering, scenario.control_step
+        rate = math.inf if steering.rate_limit is None else steering.rate_limit
+        if scenario.action == "steering_rate":
+            rate = min(rate, scenario.max_steering_rate)
+        angle = min(scenario.max_steering_angle, steering.angle_limit or math.inf)
+        saturates = scenario.tyre == "magic_formula" and self._slip
+        self._limits = Limits(angle, rate, scenario.friction if saturates else math.inf)
+        self._lag = steering.lag
+        # From what is seen (estimates, commands on their way, samples of the road) to what the program knows: the
+        # curvature at the ends of the horizon's steps is linear between samples and held behind them.
+        states, samples = STATES + self._on_the_way, len(self._samples)
+        ends, places = self._step * np.arange(self._steps), scenario.preview_interval * np.arange(samples)
+        self._onto = np.zeros((states + 2 + self._steps, states + samples))
+        self._onto[:states, :states] = np.eye(states)
+        self._onto[states + 2 :, states:] = np.array([np.interp(ends, places, one) for one in np.eye(samples)]).T
+
+    def steer(self, speed: Floats, seen: Floats) -> Floats:
+        commands = super().steer(speed, seen)
+        for i, nearest in enumerate(np.abs(speed[:, None] - SPEEDS).argmin(axis=1)):
+            problem, t = self._problem(float(SPEEDS[nearest])), self._onto @ seen[i]
+            if problem.meets(t):
+                commands[i] = self._asked(problem.limited(t), t[STEER])
+        return commands
+
+    def _problem(self, speed: float) -> Problem:
+        return Problem.of(self._car, speed, self._step, self._slip, self._cost, self._steps, self._limits)
+
+    def _asked(self, command: float, angle: float) -> float:
+        """Return what to ask of a rate-limited actuator, so that it goes as far in a step as ``command`` means it to.
+
+        The program's actuator has a lag and no limit within the step. The true one goes no faster than it can before it
+        lags, and would fall a little short.
+        """
+        rate, lag = self._limits.rate, self._lag
+        if not (math.isfinite(rate) and lag > 0.0 and self._on_the_way == 0 and abs(command - angle) > rate * lag):
+            return command
+        from scipy.optimize import brentq
+
+        far = min(abs(command - angle) * -math.expm1(-self._step / lag) / rate, (1.0 - 1e-9) * self._step)
+        # Fastest for a time t, then as the lag goes: t + lag (1 - exp(-(step - t) / lag)) = far, all in s.
+        t = brentq(lambda t: t - lag * math.expm1((t - self._step) / lag) - far, 0.0, self._step)
+        return angle + math.copysign(rate * (lag + t), command - angle)
