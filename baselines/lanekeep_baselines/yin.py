@@ -23,6 +23,7 @@ from lanekeep_baselines.yin_design import (
     control_gains,
     printed_weights,
     redesigned_weights,
+    without_delay,
 )
 from lanekeep_baselines.yin_observer import Observer
 
@@ -35,7 +36,9 @@ class _YinPolicy(SteeringPolicy):
 
     def __init__(self, scenario: TyreScenario) -> None:
         super().__init__(scenario)
-        self._model = YinModel.of(scenario.vehicle, STEERING_RATIO, slip=scenario.dynamics != "kinematic")
+        self._model = YinModel.of(
+            without_delay(scenario.vehicle), STEERING_RATIO, slip=scenario.dynamics != "kinematic"
+        )
         self._gains = Table(SCHEDULE, np.stack([control_gains(self._model, speed) for speed in SCHEDULE]))
 
     @staticmethod

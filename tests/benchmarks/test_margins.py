@@ -45,11 +45,10 @@ def test_table_json_and_picture(tmp_path, capsys, monkeypatch):
 
 
 def test_a_known_delay_takes_from_the_margins_and_an_unstable_loop_says_so(capsys):
-    """Reproduced independently: the redesigned observer with 50 ms of steering delay leaves the road at 50 m/s."""
-    (late,) = told(capsys, "yin-lqr-observer", "--vehicle", "commonroad-1", "--speeds", "50", "--delay", "0.05")
-    (prompt,) = told(capsys, "yin-lqr-observer", "--vehicle", "commonroad-1", "--speeds", "50")
+    (late,) = told(capsys, "pd", "--vehicle", "commonroad-1", "--speeds", "50", "--delay", "0.05")
+    (prompt,) = told(capsys, "pd", "--vehicle", "commonroad-1", "--speeds", "50")
     assert prompt["stable"] and not late["stable"] and late["damping"] < 0.0
-    assert run(["margins", "yin-lqr-observer", "--vehicle", "commonroad-1", "--speeds", "50", "--delay", "0.05"]) == 0
+    assert run(["margins", "pd", "--vehicle", "commonroad-1", "--speeds", "50", "--delay", "0.05"]) == 0
     assert "unstable" in capsys.readouterr().out
 
 
