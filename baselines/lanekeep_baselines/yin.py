@@ -26,6 +26,7 @@ from lanekeep_baselines.yin_design import (
     without_delay,
 )
 from lanekeep_baselines.yin_observer import Observer
+from lanekeep_env.physics.parameters import VehicleParameters
 
 
 class _YinPolicy(SteeringPolicy):
@@ -36,10 +37,13 @@ class _YinPolicy(SteeringPolicy):
 
     def __init__(self, scenario: TyreScenario) -> None:
         super().__init__(scenario)
-        self._model = YinModel.of(
-            without_delay(scenario.vehicle), STEERING_RATIO, slip=scenario.dynamics != "kinematic"
-        )
+        self._model = YinModel.of(self.car(scenario.vehicle), STEERING_RATIO, slip=scenario.dynamics != "kinematic")
         self._gains = Table(SCHEDULE, np.stack([control_gains(self._model, speed) for speed in SCHEDULE]))
+
+    @staticmethod
+    def car(vehicle: VehicleParameters) -> VehicleParameters:
+        """Return the car of the design; the published designs know no delay."""
+        return vehicle
 
     @staticmethod
     def states(at: Mapping[str, Floats]) -> Floats:
@@ -118,6 +122,10 @@ class YinLqrObserver(_YinObserverPolicy):
 
     name = "yin-lqr-observer"
     feeds_back_estimates = True
+
+    @staticmethod
+    def car(vehicle: VehicleParameters) -> VehicleParameters:
+        return without_delay(vehicle)
 
     @staticmethod
     def weights(speed: float) -> tuple[Floats, Floats]:

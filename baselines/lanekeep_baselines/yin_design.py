@@ -19,7 +19,7 @@ gear of the column, which no signal passes through, changes nothing.
 
 Actuator: a first-order lag, b_w = -a_w = 1/lag. A car without a lag, or with one below 20 ms, is designed with 20 ms
 (`FASTEST_LAG`), so that all cars share one structure; the loop is far slower than that. Rate and angle limits are not in
-the design, and a delay is only as so much more lag (`without_delay`).
+the design; the redesign takes a delay for more lag (`without_delay`).
 
 Kinematic scenarios: a car that does not slip is the limit of stiff tyres, and is designed with tyres 1000 times as
 stiff. (Gains for the real tyres expect understeer: without it they are too high, and unstable from 20 to 50 m/s on.)
@@ -160,7 +160,7 @@ class YinModel:
 def without_delay(car: VehicleParameters) -> VehicleParameters:
     """Return a car whose steering lags instead of being late.
 
-    The design has no place for a delay. Designed as if there were none, `yin-lqr-observer` is unstable on CommonRoad's
+    The design has no place for a delay. As if there were none, `yin-lqr-observer` is unstable on CommonRoad's
     cars with 50 ms from 30 m/s on; with the delay and half of it again as lag it is stable on all full-size cars that
     are stable without a delay, up to 50 m/s. Less and more lag are both worse (`lanekeep margins`).
     """
