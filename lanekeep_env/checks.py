@@ -93,7 +93,8 @@ def ordered(record: Any, of: str, lower: str, upper: str) -> None:
     low, high = getattr(record, lower), getattr(record, upper)
     if low is not None and low > high:
         raise ValueError(
-            f"{of}.{lower}={shown(low)} is not allowed beside {of}.{upper}={shown(high)}: it must be <= that; give both"
+            f"{of}.{lower}={shown(low)} and {of}.{upper}={shown(high)} are not allowed together: the first must be <= "
+            "the second"
         )
 
 
