@@ -112,10 +112,10 @@ def trained_scenario(record: PolicyRecord, allow_files: bool = False) -> CarScen
     allowed = [field.name for field in fields(kind)]
     for name in record.scenario:
         if name not in allowed:
-            written = record.training.versions.get("lanekeep", "of an unknown version")
+            written = record.training.versions.get("lanekeep", "unknown")
             raise ValueError(
                 f"policy {record.name!r}: scenario has no field {shown(name)}{nearest(name, allowed)}; {record.env_id} "
-                f"of this lanekeep, {__version__}, has {', '.join(allowed)} (the file was written by {shown(written)})"
+                f"of lanekeep {__version__} has {', '.join(allowed)} (it was trained by version {shown(written)})"
             )
     try:
         return kind.from_keywords(**record.scenario)
