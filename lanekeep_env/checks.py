@@ -7,7 +7,7 @@ import math
 import reprlib
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from numbers import Real
 from typing import Any, TypeVar
 
@@ -88,6 +88,16 @@ def require(
         )
 
 
+def ordered(record: Any, of: str, lower: str, upper: str) -> None:
+    """Raise ValueError where the field ``lower`` is above the field ``upper``; either may be the wrong one."""
+    low, high = getattr(record, lower), getattr(record, upper)
+    if low is not None and low > high:
+        raise ValueError(
+            f"{of}.{lower}={shown(low)} and {of}.{upper}={shown(high)} are not allowed together: the first must be <= "
+            "the second"
+        )
+
+
 def choose(name: str, value: Any, allowed: Iterable[str]) -> None:
     """Raise ValueError unless ``value`` is one of the allowed words."""
     allowed = list(allowed)
@@ -96,18 +106,23 @@ def choose(name: str, value: Any, allowed: Iterable[str]) -> None:
 
 
 def from_mapping(record: type[T], mapping: Mapping[str, Any], name: str) -> T:
-    """Build the frozen dataclass ``record``; an unknown key is an error that names the nearest field."""
-    allowed = [f.name for f in fields(record) if f.init]  # type: ignore[arg-type]
+    """Build the frozen dataclass ``record``; an unknown key (with the nearest field) or a missing one is an error."""
+    wanted = [f for f in fields(record) if f.init]  # type: ignore[arg-type]
+    allowed = [f.name for f in wanted]
     for key in mapping:
         if key not in allowed:
             raise ValueError(f"{name} has no field {shown(key)}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
+    for f in wanted:
+        if f.name not in mapping and f.default is MISSING and f.default_factory is MISSING:
+            raise ValueError(f"{name} lacks the field {f.name!r}; it has {', '.join(allowed)}")
     return record(**mapping)
 
 
 def record_from(record: type[T], value: Any, name: str, named: Mapping[str, T], of: str | None = None) -> T:
     """Read a frozen dataclass: a record, a name of ``named`` or a mapping of fields; ValueError names what is wrong.
 
-    ``of`` says what a mapping holds, if not the record's fields.
+    A mapping with ``base``, one of the names, has changes to that one. ``of`` says what a mapping holds, if not the
+    record's fields.
     """
     if isinstance(value, record):
         return value
@@ -117,7 +132,13 @@ def record_from(record: type[T], value: Any, name: str, named: Mapping[str, T], 
     if not isinstance(value, Mapping):
         holds = of or f"{record.__name__}'s fields"
         raise ValueError(f"{name}={shown(value)} must be {', '.join(named)} or a mapping of {holds}")
-    return from_mapping(record, value, name)
+    if "base" not in value:
+        return from_mapping(record, value, name)
+    changes = {key: one for key, one in value.items() if key != "base"}
+    choose(f"{name}.base", value["base"], named)
+    usual = named[value["base"]]
+    rest = {f.name: getattr(usual, f.name) for f in fields(record) if f.init}  # type: ignore[arg-type]
+    return from_mapping(record, {**rest, **changes}, name)
 
 
 def plain_numbers(record: Any) -> None:

@@ -58,6 +58,7 @@ def load(name_or_path: str | Path, scenario: CarScenario | None = None, *, allow
             trained on that names a file which is not allowed.
         ImportError: safetensors is not installed; names the extra that brings it.
     """
+    from lanekeep_agents.foreign import named
     from lanekeep_agents.learned import LearnedPolicy
     from lanekeep_agents.policy_file import read_policy
 
@@ -71,7 +72,12 @@ def load(name_or_path: str | Path, scenario: CarScenario | None = None, *, allow
             )
         path = _zoo() / f"{name_or_path}.json"
     record, tensors = read_policy(path)
-    return LearnedPolicy(record, tensors, scenario, allow_files=allow_files)
+    try:
+        return LearnedPolicy(record, tensors, scenario, allow_files=allow_files)
+    except ValueError as error:
+        if path == name_or_path or str(path) == name_or_path:  # a file of somebody's own, not a name
+            raise ValueError(f"{named(path)}: {error}") from None
+        raise
 
 
 def _zoo() -> Path:

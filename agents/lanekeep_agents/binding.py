@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 import lanekeep_baselines
 from lanekeep_agents.foreign import one_line, refuse_files
 from lanekeep_agents.policy_record import InputChannel, PolicyRecord
-from lanekeep_env import ENVIRONMENTS
-from lanekeep_env.checks import shown
+from lanekeep_env import ENVIRONMENTS, __version__
+from lanekeep_env.checks import nearest, shown
 from lanekeep_env.scenario.car import CarScenario
 
 
@@ -108,8 +108,17 @@ def trained_scenario(record: PolicyRecord, allow_files: bool = False) -> CarScen
     """Build the scenario that a policy was trained on; a file that it names is only read where that is allowed."""
     if not allow_files:
         refuse_files(record)
+    kind = ENVIRONMENTS[record.env_id].scenario
+    allowed = [field.name for field in fields(kind)]
+    for name in record.scenario:
+        if name not in allowed:
+            written = record.training.versions.get("lanekeep", "unknown")
+            raise ValueError(
+                f"policy {record.name!r}: scenario has no field {shown(name)}{nearest(name, allowed)}; {record.env_id} "
+                f"of lanekeep {__version__} has {', '.join(allowed)} (it was trained by version {shown(written)})"
+            )
     try:
-        return ENVIRONMENTS[record.env_id].scenario.from_keywords(**record.scenario)
+        return kind.from_keywords(**record.scenario)
     except (TypeError, ValueError, ArithmeticError) as error:
         raise ValueError(
             f"policy {record.name!r}: scenario is not one of {record.env_id} ({one_line(error)})"

@@ -96,7 +96,11 @@ def save_sb3(path: str | Path, model: Any, overwrite: bool = False) -> PolicyRec
         normalisation=normalisation,
         training=Training(
             command=shlex.join(["python", *sys.argv]),
-            hyperparameters={"gamma": model.gamma, "num_envs": model.n_envs},
+            hyperparameters={
+                "gamma": model.gamma,
+                "num_envs": model.n_envs,
+                **({"rewards": layers.rewards} if layers.rewards else {}),
+            },
             seed=model.seed or 0,
             steps=model.num_timesteps,
             seconds=round((time.time_ns() - model.start_time) / 1e9, 1) if model.num_timesteps else 0.0,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import pairwise
 from typing import Any, ClassVar, Self
 
@@ -236,7 +236,7 @@ def _part(record: type[Any], value: Any, name: str, whole: bool = False) -> Any:
     if not isinstance(value, Mapping):
         raise ValueError(f"{name}={shown(value)} is not allowed: it must be a mapping of {record.__name__}'s fields")
     for field in fields(record):
-        if field.name not in value and (whole or field.default is MISSING):
+        if whole and field.name not in value:
             raise ValueError(f"{name} lacks the field {field.name!r}")
     return from_mapping(record, value, name)
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pkgutil import resolve_name
 from typing import Any, NamedTuple
 
+import gymnasium as gym
 from gymnasium.spaces import Box
 from stable_baselines3.common.vec_env import (
     DummyVecEnv,
@@ -23,7 +25,7 @@ from lanekeep_env.scenario.car import CarScenario
 
 #: Layers that leave observations and actions as they are.
 _TRANSPARENT = (VecMonitor, VecVideoRecorder, VecCheckNan)
-#: Wrappers of a single environment that do, by name.
+#: Wrappers of a single environment that do, by name; and so does any `gymnasium.RewardWrapper`.
 _HARMLESS = {
     "ClipReward",
     "HumanRendering",
@@ -47,6 +49,7 @@ class Layers(NamedTuple):
         normalize: the `VecNormalize`, None for none.
         frames: observations that are stacked.
         normalized_frames: whether each frame is normalised before it is stacked.
+        rewards: wrappers of the reward, "module:class".
     """
 
     env_id: str
@@ -54,6 +57,7 @@ class Layers(NamedTuple):
     normalize: Any
     frames: int
     normalized_frames: bool
+    rewards: tuple[str, ...] = ()
 
 
 def layers_of(env: Any) -> Layers:
@@ -84,11 +88,12 @@ def layers_of(env: Any) -> Layers:
             "VecFrameStack, VecMonitor, VecVideoRecorder and VecCheckNan over sb3_vec_env(...), make_vec_env(...), "
             "DummyVecEnv or SubprocVecEnv"
         )
-    return Layers(*_cars(layer), normalize, frames, normalized_frames)
+    env_id, scenario, rewards = _cars(layer)
+    return Layers(env_id, scenario, normalize, frames, normalized_frames, rewards)
 
 
-def _cars(layer: VecEnv) -> tuple[str, CarScenario]:
-    """Id and scenario of environments that Stable-Baselines3 drives one by one."""
+def _cars(layer: VecEnv) -> tuple[str, CarScenario, tuple[str, ...]]:
+    """Id, scenario and reward wrappers of environments that Stable-Baselines3 drives one by one."""
     spec, *others = layer.get_attr("spec")
     try:
         scenario, *further = layer.get_attr("scenario")
@@ -98,16 +103,27 @@ def _cars(layer: VecEnv) -> tuple[str, CarScenario]:
         raise ValueError(f"env={shown(spec and spec.id)} is not allowed: it must be one of lanekeep's ids")
     if any(one != scenario for one in further):
         raise ValueError("env has cars of more than one scenario; a policy file is for one")
-    for one in (spec, *others):
-        changing = [wrapper.name for wrapper in one.additional_wrappers if wrapper.name not in _HARMLESS]
-        if changing:
+    wrappers = {w.entry_point: w.name for one in (spec, *others) for w in one.additional_wrappers}
+    rewards = tuple(sorted(point for point, name in wrappers.items() if name not in _HARMLESS))
+    for point in rewards:
+        if not _changes_rewards(point):
             raise ValueError(
-                f"env has the wrapper {changing[0]}, which a policy file cannot hold; allowed: "
-                f"{', '.join(sorted(_HARMLESS))}"
+                f"env has the wrapper {wrappers[point]}, which a policy file cannot hold; allowed: "
+                f"{', '.join(sorted(_HARMLESS))}, and what is derived from gymnasium.RewardWrapper, in a module or a "
+                "script, not in a function"
             )
     expected = observation_space(scenario), Box(-1.0, 1.0, (scenario.num_actions,))
     if (layer.observation_space, layer.action_space) != expected:
         raise ValueError(
             "env observes or acts otherwise than its cars: it has a wrapper that a policy file cannot hold"
         )
-    return spec.id, scenario
+    return spec.id, scenario, rewards
+
+
+def _changes_rewards(entry_point: str) -> bool:
+    """Whether a wrapper, "module:class", leaves observations and actions as they are by being a `RewardWrapper`."""
+    try:
+        wrapper = resolve_name(entry_point)
+    except (ImportError, AttributeError, ValueError):  # a class within a function
+        return False
+    return isinstance(wrapper, type) and issubclass(wrapper, gym.RewardWrapper)

@@ -92,7 +92,11 @@ class TraechtlerPdLowered(TraechtlerPd):
 
 
 class TraechtlerP(TraechtlerPd):
-    """`traechtler-p`: the same with K3 = 0, whose damping falls from 0.71 at 1 m/s to 0.54 at 6 m/s."""
+    """`traechtler-p`: the same with K3 = 0, whose damping falls from 0.71 at 1 m/s to 0.54 at 6 m/s.
+
+    The source leaves K3 open. It is a policy and no option of `traechtler-pd`, as -lowered is, so that the benchmark
+    names and compares it; options (`lanekeep_baselines.make`) switch off what is not the source's.
+    """
 
     name = "traechtler-p"
     memory = 0

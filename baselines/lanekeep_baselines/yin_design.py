@@ -18,8 +18,8 @@ its wheel were geared so (`STEERING_RATIO`): the same weights then mean the same
 gear of the column, which no signal passes through, changes nothing.
 
 Actuator: a first-order lag, b_w = -a_w = 1/lag. A car without a lag, or with one below 20 ms, is designed with 20 ms
-(`FASTEST_LAG`), so that all cars share one structure; the loop is far slower than that. Rate and angle limits are not in
-the design; the redesign takes a delay for more lag (`without_delay`).
+(`FASTEST_LAG`), so that all cars share one structure; the loop is far slower than that. Rate and angle limits are not
+in the design; the redesign takes a delay for more lag (`without_delay`).
 
 Kinematic scenarios: a car that does not slip is the limit of stiff tyres, and is designed with tyres 1000 times as
 stiff. (Gains for the real tyres expect understeer: without it they are too high, and unstable from 20 to 50 m/s on.)

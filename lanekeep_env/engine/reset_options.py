@@ -15,6 +15,40 @@ from lanekeep_env.randomisation import Randomisation, randomisation_from
 #: Numbers that differ from episode to episode, each an option by its own name beside ``randomisation``.
 DRAWN = tuple(f.name for f in fields(Randomisation))
 
+#: How an episode starts, and what that is, in the order of the kernel's start rows: on roads ...
+ROAD_STARTS = {
+    "lateral_error": "m, as `info` has it",
+    "heading_error": "rad, as `info` has it",
+    "arc_length": "m along the road",
+    "road_index": "of a set of roads, or `road`",
+}
+#: ... and between walls.
+WALL_STARTS = {
+    "lateral_error": "m, as `info` has it",
+    "heading_error": "rad, as `info` has it",
+    "start_index": "of the world's starts, or `start`",
+    "world_index": "of a set of worlds, or `world`",
+}
+
+
+def page_section(starts: Mapping[str, str]) -> str:
+    """Return what an environment's page says of the options of ``reset``."""
+    fixed = "".join(f"* {name}: {what}\n" for name, what in starts.items())
+    drawn = "".join(
+        f"* {f.name}: {f.metadata['what']}{', ' + unit if (unit := f.metadata['unit'])[0] != '(' else ''}\n"
+        for f in fields(Randomisation)
+    )
+    return (
+        "## Reset Options\n\n"
+        "`reset(options={...})` fixes how this episode starts, by numbers (in the vector form one or one a car):\n\n"
+        f"{fixed}\n"
+        "and bounds, by a number or (low, high), what this and later episodes draw, within the `randomisation` that\n"
+        "the environment was made with (a car's numbers are factors of the nominal ones, not kg or N/rad):\n\n"
+        f"{drawn}"
+        "* randomisation: a mapping of these, a named set, or None for all that was declared\n\n"
+        "`env.unwrapped.narrow({...})` does the latter without a reset. What has no effect is refused.\n\n"
+    )
+
 
 def split(options: Any, starts: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the options that fix an episode's start, by the names of ``starts``, and those that bound the draws.
@@ -33,6 +67,10 @@ def split(options: Any, starts: tuple[str, ...]) -> tuple[dict[str, Any], dict[s
         name = f"{key}_index" if f"{key}_index" in starts else key
         if name not in allowed:
             raise ValueError(f"reset option {shown(key)} is unknown; allowed: {', '.join(allowed)}")
+        if name in fixed:
+            raise ValueError(
+                f"reset options {shown(name)} and {shown(name.removesuffix('_index'))} are one: give either"
+            )
         (fixed if name in starts else drawn)[name] = value
     return fixed, drawn
 
@@ -80,13 +118,14 @@ def bounds(drawn: Mapping[str, Any], scenario: Any, present: np.ndarray) -> list
         low, high = np.reshape(declared.bounds(), (-1, 2)).T
         now = np.reshape(present.astype(np.float64), (-1, 2)).clip(low[:, None], high[:, None])  # of float32
         kept = {name: tuple(now[k].tolist()) for k, name in enumerate(DRAWN)}
-    elif whole is None or isinstance(whole, Mapping):
+    elif whole is None or (isinstance(whole, Mapping) and "base" not in whole):
         given = {**(whole or {}), **given}
     else:
         kept = asdict(randomisation_from(whole))
     wanted = randomisation_from({**kept, **given})
     idle = scenario.without_effect
-    for name in DRAWN:
+    for f in fields(Randomisation):
+        name, unit = f.name, f.metadata["unit"]
         (low, high), (least, most) = getattr(wanted, name), getattr(declared, name)
         need = idle.get(f"randomisation.{name}")
         if need is not None:
@@ -95,7 +134,7 @@ def bounds(drawn: Mapping[str, Any], scenario: Any, present: np.ndarray) -> list
         elif not least <= low <= high <= most:
             raise ValueError(
                 f"reset option {name}={shown(given.get(name, (low, high)))} is not allowed: it must be within "
-                f"{least:g} to {most:g}; a wider range is declared when the environment is made, "
+                f"{least:g} to {most:g} {unit}; a wider range is declared when the environment is made, "
                 f"randomisation={{'{name}': (low, high)}}"
             )
     return wanted.bounds()

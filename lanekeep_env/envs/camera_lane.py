@@ -48,8 +48,7 @@ class CameraLaneEnv(GuidedEnv, gym.Env):
 
     ## Starting State
 
-    Anywhere on the road, steered along it, within 0.3 m and 3 deg to either side, at a set speed. Options of `reset` as
-    in `LaneKeepEnv`.
+    Anywhere on the road, steered along it, within 0.3 m and 3 deg to either side, at a set speed.
 
     ## Episode End
 
@@ -92,6 +91,9 @@ class TurnOffEnv(GuidedEnv, gym.Env):
 
     `plan_errors={"offset": 1.0, "radius": (-0.1, 0.1), "angle": 0.05, "recognised": 3.0}` gives the plan the errors of
     a map and of a late look: m, shares of radius and angle, and the way ahead at which a bend comes into the plan.
+
+    `set_points=1.2`, or `{"minimum": 1.2, "maximum": 1.8, "hold": 8.0}` for distances (m) that change every 8 s, sets
+    what the edge is to be kept at; the channel set_distance tells it, and the running cost counts from it.
 
     ## Action Space, Observation Space, Rewards
 

@@ -53,9 +53,8 @@ class LaneKeepEnv(RoadEnv, gym.Env):
 
     Anywhere on the road (on open ones early enough for a whole episode), in curves as on straights, in the
     steady state of driving along the road there, moved by up to `start_lateral_error` (0.5 m) and turned by up
-    to `start_course_error` (2°, heading plus sideslip against the road's) to either side.
-    `reset(options={"lateral_error": m, "heading_error": rad, "arc_length": m, "road_index": i})` fixes any of
-    it; heading_error is the heading's then.
+    to `start_course_error` (2°, heading plus sideslip against the road's) to either side; an option heading_error is
+    the heading's alone.
 
     ## Episode End
 

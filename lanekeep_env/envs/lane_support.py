@@ -19,7 +19,9 @@ class LaneSupportEnv(DriverEnv, gym.Env):
     The driver (after Donges 1978) steers for the curvature ahead and corrects lateral and course error, with a lag of
     the hands; where in the lane the driver wants to be wanders. `driver="drowsy"` (default) looks away every 25 seconds
     for one to four and holds the wheel meanwhile; `driver="attentive"` does not. Any field of
-    `lanekeep_env.scenario.Driver` can be given, and changes the drowsy one: `driver={"lapse_rate": 0.1}`.
+    `lanekeep_env.scenario.Driver` can be given, and changes the drowsy one: `driver={"lapse_rate": 0.1}`,
+    or the attentive one, `driver={"base": "attentive", "wander": 0.2}`. Like the assistant, the driver asks the wheels
+    for no more than `max_steering_angle` (0.15 rad).
 
     ## Action Space
 

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from lanekeep_env import layout as at
+from lanekeep_env.engine.reset_options import ROAD_STARTS
 from lanekeep_env.envs.single import SingleEnv
 from lanekeep_env.envs.skin import Skin
 from lanekeep_env.roads import Road
@@ -17,6 +18,7 @@ class OnRoads(Skin):
     """What environments on roads share, single or vector."""
 
     scenario_class: type[RoadScenario]
+    starts = ROAD_STARTS
 
     @staticmethod
     def make_cars(*arguments: Any) -> Any:

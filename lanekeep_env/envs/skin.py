@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import operator
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any, ClassVar
 
@@ -13,12 +14,15 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 
 from lanekeep_env.checks import choose, shown
+from lanekeep_env.engine.reset_options import page_section
 from lanekeep_env.plain import json_able
 from lanekeep_env.scenario import Channel
 from lanekeep_env.scenario.car import CarScenario
 
 PRECISIONS = ("float64", "float32")
 RENDER_MODES = ("human", "rgb_array")
+#: Section of an environment's page that the options of ``reset`` stand before.
+_BEFORE = "## Episode End"
 
 
 class Skin:
@@ -28,6 +32,8 @@ class Skin:
     """
 
     scenario_class: type[CarScenario]
+    #: What ``reset(options=...)`` may fix, and what that is.
+    starts: ClassVar[Mapping[str, str]]
     #: Truth in the infos beside what all families tell, its name and its row in the outcome.
     further: ClassVar[tuple[tuple[str, int], ...]] = ()
     scenario: Any
@@ -40,6 +46,9 @@ class Skin:
         super().__init_subclass__(**keywords)
         if "scenario_class" in cls.__dict__:
             cls._settled = frozenset({f.name for f in fields(cls.scenario_class)} | {"channels", "hash"})
+        page = inspect.cleandoc(cls.__dict__.get("__doc__") or "")
+        if _BEFORE in page:
+            cls.__doc__ = page.replace(_BEFORE, page_section(cls.starts) + _BEFORE)
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -49,7 +58,7 @@ class Skin:
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
         if spec is not None:
-            self._check_limit(spec.max_episode_steps or _limit_given_to_make())
+            self._check_limit(spec.max_episode_steps or _limit_of_make())
             # None is registered: a number there would cut every longer `episode_steps`. Trainers read it here.
             limit = spec.max_episode_steps or self.scenario.episode_steps
             spec = replace(spec, max_episode_steps=limit, kwargs=json_able(spec.kwargs))
@@ -68,9 +77,20 @@ class Skin:
         if name in self._settled or (name == "scenario" and name in self.__dict__):
             raise AttributeError(
                 f"{name} cannot be set: it is settled when the environment is made. Make another one with it, or give "
-                "reset(options=...) what episodes may differ in"
+                "reset(options=...) or narrow(...) what episodes may differ in"
             )
         super().__setattr__(name, value)
+
+    def narrow(self, options: dict[str, Any]) -> None:
+        """Bound what the next episodes draw, and start none: for a curriculum in the middle of a rollout.
+
+        Args:
+            options: those of `reset`; what fixes the start of an episode is passed over.
+
+        Raises:
+            ValueError: an option is unknown, or a bound is outside the scenario's ``randomisation``.
+        """
+        self._core.narrow(options)
 
     @staticmethod
     def make_cars(*arguments: Any) -> Any:
@@ -89,12 +109,18 @@ class Skin:
         return channels
 
 
-def _limit_given_to_make() -> int | None:
-    """Return ``max_episode_steps`` of the ``gym.make`` that sets a spec: it tells its own wrapper, but not us."""
+def _limit_of_make() -> int | None:
+    """Return the limit of the ``gym.make`` that sets a spec, its own or that of what it makes: its wrapper is told, we
+    are not. Where the call says how long episodes are, what a spec says of others is no matter."""
     caller = inspect.currentframe()
     for _ in range(3):  # behind the setter and `__setattr__`
         caller = caller and caller.f_back
-    limit = caller.f_locals.get("max_episode_steps") if caller and caller.f_code is gym.make.__code__ else None
+    if caller is None or caller.f_code is not gym.make.__code__:
+        return None
+    told = caller.f_locals
+    limit = told["max_episode_steps"]
+    if limit is None and told["kwargs"].keys().isdisjoint(("episode_steps", "scenario")):
+        limit = told["env_spec"].max_episode_steps
     return limit if isinstance(limit, int) else None
 
 

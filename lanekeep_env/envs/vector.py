@@ -125,17 +125,6 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._last = observation.copy()
         return observation, self._infos(outcome, mask)
 
-    def narrow(self, options: dict[str, Any]) -> None:
-        """Bound what each car's next episodes draw, and start none: for a curriculum in the middle of a rollout.
-
-        Args:
-            options: those of `reset`; what fixes the start of an episode is passed over.
-
-        Raises:
-            ValueError: an option is unknown, or a bound is outside the scenario's ``randomisation``.
-        """
-        self._core.narrow(options)
-
     def _mask(self, mask: np.ndarray | None) -> np.ndarray:
         if mask is None:
             return self._everyone

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
+from lanekeep_env.engine.reset_options import WALL_STARTS
 from lanekeep_env.envs.single import SingleEnv
 from lanekeep_env.envs.skin import Skin
 from lanekeep_env.scenario import WallFollowScenario
@@ -15,6 +16,7 @@ class BetweenWalls(Skin):
     """What environments between walls share, single or vector."""
 
     scenario_class: type[WallFollowScenario]
+    starts = WALL_STARTS
     further: ClassVar[tuple[tuple[str, int], ...]] = (
         ("x", at.O_X),
         ("y", at.O_Y),

@@ -53,7 +53,6 @@ class WallFollowEnv(WallEnv, gym.Env):
     ## Starting State
 
     At the start of the world, `set_distance` from the right wall within 0.3 m, turned by up to 20 deg to either side.
-    `reset(options={"lateral_error": m, "heading_error": rad, "start_index": i, "world_index": i})` fixes any of it.
 
     ## Episode End
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import from_mapping, plain_numbers, require, shown
+from lanekeep_env.checks import from_mapping, ordered, plain_numbers, require, shown
 from lanekeep_env.roads.road import Floats, Road
 
 
@@ -78,7 +78,8 @@ class LimitedSpeed(_AlongRoad):
     def __post_init__(self) -> None:
         require("speed.lateral_acceleration", self.lateral_acceleration, "m/s²", at_least=1e-3, at_most=1000.0)
         require("speed.maximum", self.maximum, "m/s", above=0.0, at_most=100.0)
-        require("speed.minimum", self.minimum, "m/s", above=0.0, at_most=self.maximum, optional=True)
+        require("speed.minimum", self.minimum, "m/s", above=0.0, at_most=100.0, optional=True)
+        ordered(self, "speed", "minimum", "maximum")
         require("speed.acceleration", self.acceleration, "m/s²", at_least=1e-3, at_most=1e5)
         require("speed.deceleration", self.deceleration, "m/s²", at_least=1e-3, at_most=1e5)
         plain_numbers(self)
@@ -147,7 +148,8 @@ class SetSpeeds:
 
     def __post_init__(self) -> None:
         require("speed.maximum", self.maximum, "m/s", at_least=0.0, at_most=100.0)
-        require("speed.minimum", self.minimum, "m/s", at_least=-100.0, at_most=self.maximum)
+        require("speed.minimum", self.minimum, "m/s", at_least=-100.0, at_most=100.0)
+        ordered(self, "speed", "minimum", "maximum")
         require("speed.hold", self.hold, "s", above=0.0, at_most=1e6, optional=True)
         require("speed.standstill", self.standstill, "(a share)", at_least=0.0, at_most=1.0)
         require("speed.acceleration", self.acceleration, "m/s²", at_least=1e-3, at_most=1e5)

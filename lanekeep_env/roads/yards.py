@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from lanekeep_env.checks import choose, require
+from lanekeep_env.checks import choose, ordered, require
 from lanekeep_env.roads.generators import RoadRecord, check_total
 from lanekeep_env.roads.road import Road
 
@@ -43,7 +43,8 @@ class YardRoads(RoadRecord):
         require("road.length", self.length, "m", at_least=50.0, at_most=1e6)
         check_total(self.count, self.length)
         require("road.smallest_radius", self.smallest_radius, "m", at_least=1e-2)
-        require("road.largest_radius", self.largest_radius, "m", at_least=self.smallest_radius, at_most=1e6)
+        require("road.largest_radius", self.largest_radius, "m", at_least=1e-2, at_most=1e6)
+        ordered(self, "road", "smallest_radius", "largest_radius")
         require("road.gap_spacing", self.gap_spacing, "m", at_least=1.0, at_most=1e6, optional=True)
         require("road.gap_length", self.gap_length, "m", at_least=1e-2, at_most=1e6)
         require("road.seed", self.seed, "", at_least=0, whole=True)
@@ -110,9 +111,11 @@ class TurnOffRoads(RoadRecord):
     def __post_init__(self) -> None:
         require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
         require("road.smallest_radius", self.smallest_radius, "m", at_least=1e-2)
-        require("road.largest_radius", self.largest_radius, "m", at_least=self.smallest_radius, at_most=1e6)
+        require("road.largest_radius", self.largest_radius, "m", at_least=1e-2, at_most=1e6)
+        ordered(self, "road", "smallest_radius", "largest_radius")
         require("road.smallest_angle", self.smallest_angle, "rad", at_least=1e-3)
-        require("road.largest_angle", self.largest_angle, "rad", at_least=self.smallest_angle, at_most=math.pi)
+        require("road.largest_angle", self.largest_angle, "rad", at_least=1e-3, at_most=math.pi)
+        ordered(self, "road", "smallest_angle", "largest_angle")
         choose("road.side", self.side, ("right", "left", "both"))
         require("road.lost", self.lost, "(of the turn's length)", at_least=0.0, at_most=10.0)
         require("road.seed", self.seed, "", at_least=0, whole=True)
@@ -165,10 +168,12 @@ class BypassRoads(RoadRecord):
     def __post_init__(self) -> None:
         require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
         require("road.smallest_shift", self.smallest_shift, "m", at_least=1e-2)
-        require("road.largest_shift", self.largest_shift, "m", at_least=self.smallest_shift, at_most=1e3)
+        require("road.largest_shift", self.largest_shift, "m", at_least=1e-2, at_most=1e3)
+        ordered(self, "road", "smallest_shift", "largest_shift")
         # Two arcs swing out by twice their radius at the most.
         require("road.smallest_radius", self.smallest_radius, "m", at_least=0.5 * self.largest_shift)
-        require("road.largest_radius", self.largest_radius, "m", at_least=self.smallest_radius, at_most=1e6)
+        require("road.largest_radius", self.largest_radius, "m", at_least=1e-2, at_most=1e6)
+        ordered(self, "road", "smallest_radius", "largest_radius")
         require("road.beside", self.beside, "m", at_least=1e-2, at_most=1e6)
         require("road.seed", self.seed, "", at_least=0, whole=True)
         super().__post_init__()

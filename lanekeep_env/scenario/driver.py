@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lanekeep_env.checks import plain_numbers, record_from, require
+from lanekeep_env.checks import ordered, plain_numbers, record_from, require
 
 #: Places of a driver's numbers: s ahead at which the road's curvature is steered for; steering against the lateral
 #: error, 1/s², and the course error, 1/s; share of the remaining way that the hands go in a control step; standard
@@ -52,7 +52,8 @@ class Driver:
         require("driver.wander_time", self.wander_time, "s", above=0.0, at_most=1e4)
         require("driver.lapse_rate", self.lapse_rate, "1/s", at_least=0.0, at_most=10.0)
         require("driver.shortest_lapse", self.shortest_lapse, "s", at_least=0.0, at_most=1e3)
-        require("driver.longest_lapse", self.longest_lapse, "s", at_least=self.shortest_lapse, at_most=1e3)
+        require("driver.longest_lapse", self.longest_lapse, "s", at_least=0.0, at_most=1e3)
+        ordered(self, "driver", "shortest_lapse", "longest_lapse")
         plain_numbers(self)
 
     @property
@@ -92,5 +93,5 @@ DRIVERS: dict[str, Driver] = {
 
 
 def driver_from(value: str | Mapping[str, Any] | Driver) -> Driver:
-    """Read a driver: a name of `DRIVERS`, a mapping of fields, or a record; ValueError names what is wrong."""
+    """Read a driver: a name of `DRIVERS`, a mapping of fields (of changes to its ``base``), or a record."""
     return record_from(Driver, value, "driver", DRIVERS)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
-from lanekeep_env.checks import from_mapping, plain_numbers, require, shown
+from lanekeep_env.checks import from_mapping, ordered, plain_numbers, require, shown
 from lanekeep_env.walls.generators import range_of
 
 #: Places of the guidance's numbers: low and high of the plan's errors, in the order of `PlanErrors`, and of the set
@@ -72,7 +73,8 @@ class SetPoints:
 
     def __post_init__(self) -> None:
         require("set_points.minimum", self.minimum, "m", above=0.0, at_most=100.0)
-        require("set_points.maximum", self.maximum, "m", at_least=self.minimum, at_most=100.0)
+        require("set_points.maximum", self.maximum, "m", above=0.0, at_most=100.0)
+        ordered(self, "set_points", "minimum", "maximum")
         require("set_points.hold", self.hold, "s", above=0.0, at_most=1e6, optional=True)
         plain_numbers(self)
 
@@ -92,6 +94,11 @@ def set_points_from(value: float | Mapping[str, Any] | SetPoints | None) -> SetP
         return value
     if isinstance(value, Mapping):
         return from_mapping(SetPoints, value, "set_points")
+    if not isinstance(value, Real):
+        raise ValueError(
+            f"set_points={shown(value)} must be a number in m, None or a mapping of SetPoints' fields, "
+            "e.g. {'minimum': 1.2, 'maximum': 1.8}"
+        )
     require("set_points", value, "m", above=0.0, at_most=100.0)
     return SetPoints(float(value), float(value), None)
 

@@ -25,7 +25,8 @@ class LaneSupportScenario(LaneKeepScenario):
     The fields of `LaneKeepScenario` and these:
 
     Attributes:
-        driver: "attentive", "drowsy" or a mapping of `Driver`, changes to the drowsy one.
+        driver: "attentive", "drowsy" or a mapping of `Driver`, changes to the drowsy one or to its ``base``. What the
+            driver asks for is clipped to ``max_steering_angle``, as what the assistant asks for.
         reference_assistance: angle at the road wheel by which the assistant's override costs 1 a second, rad.
 
     The car departs when its body touches the lane's edge, as in road works.

@@ -32,6 +32,10 @@ from lanekeep_env.walls.map_file import FOUND
 LARGEST_ANGLE = 1.5
 #: Share of the largest speed at which there is time for a lap.
 _LAP_PACE = 0.25
+#: Shortest and longest corridor without a length of its own, m: float32 reaches no further.
+_SHORTEST_CORRIDOR, _LONGEST_CORRIDOR = 80.0, 1000.0
+#: By which it is longer than the way of an episode, m: no sensor sees its end.
+_BEYOND = 10.0
 
 
 def _offset(value: Any) -> tuple[float, float]:
@@ -46,7 +50,8 @@ class WallFollowScenario(CarScenario):
 
     Attributes:
         dynamics: "kinematic" (no slip) or "dynamic" (sideslip, linear tyres; forwards only).
-        world: the name of a generator, a mapping with its settings, or the path of a map_server map's YAML file.
+        world: the name of a generator, a mapping with its settings, or the path of a map_server map's YAML file; by
+            default a corridor that episodes do not come to the end of, 80 m at the least and 1 km at the most.
         speed: m/s, or a mapping of `SetSpeeds`.
         steering_offset: bounds (low, high) of what the road wheel has more than asked for, rad, drawn once an episode,
             or one number.
@@ -69,7 +74,7 @@ class WallFollowScenario(CarScenario):
     control_step: float = 0.045
     vehicle: VehicleParameters = VEHICLES["knightriders"]
     dynamics: str = "kinematic"
-    world: WorldRecord = field(default_factory=lambda: Corridor(length=80.0, width=2.5))
+    world: WorldRecord = field(default_factory=lambda: Corridor(length=None, width=2.5))
     speed: SetSpeeds = field(
         default_factory=lambda: SetSpeeds(0.3, 2.0, hold=None, standstill=0.0, lateral_acceleration=None)
     )
@@ -115,6 +120,10 @@ class WallFollowScenario(CarScenario):
     def _check(self) -> None:
         choose("dynamics", self.dynamics, ("kinematic", "dynamic"))
         super()._check()
+        if isinstance(self.world, Corridor) and self.world.length is None:
+            way = math.ceil(self._fastest * self.control_step * self.episode_steps + _BEYOND)
+            length = min(max(float(way), _SHORTEST_CORRIDOR), _LONGEST_CORRIDOR)
+            object.__setattr__(self, "world", replace(self.world, length=length))
         self._check_angles()
         require("set_distance", self.set_distance, "m", above=0.0, at_most=FARTHEST)
         require("side_sensor", self.side_sensor, "m", at_least=-1.0, at_most=5.0, optional=True)
@@ -132,10 +141,15 @@ class WallFollowScenario(CarScenario):
     @cached_property
     def integration(self) -> Integration:
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
-        fastest = self.largest_speed or self.speed.largest * self.randomisation.speed[1]
         if self.model.slips:  # which a wall may stop
-            return slipping(self.vehicle, self.randomisation, self.base_step, lambda: 0.0, fastest)
-        return rolling(self.vehicle, self.base_step, fastest, self._wheel_angle + max(map(abs, self.steering_offset)))
+            return slipping(self.vehicle, self.randomisation, self.base_step, lambda: 0.0, self._fastest)
+        widest = self._wheel_angle + max(map(abs, self.steering_offset))
+        return rolling(self.vehicle, self.base_step, self._fastest, widest)
+
+    @property
+    def _fastest(self) -> float:
+        """Largest speed of an episode, m/s."""
+        return self.largest_speed or self.speed.largest * self.randomisation.speed[1]
 
     @property
     def _wheel_angle(self) -> float:

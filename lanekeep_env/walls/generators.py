@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from lanekeep_env.checks import choose, plain_numbers, require, shown
+from lanekeep_env.checks import choose, ordered, plain_numbers, require, shown
 from lanekeep_env.walls.shapes import bend_radius, outline, rectangle, rounded, with_windows
 from lanekeep_env.walls.world import Floats, World
 
@@ -68,22 +68,27 @@ def _windows(walls: Floats, record: Any) -> tuple[Floats, Any]:
 
 @dataclass(frozen=True)
 class Corridor(WorldRecord):
-    """A straight corridor of ``length`` x ``width`` m with end walls, from x = 0 along x, its middle at y = 0."""
+    """A straight corridor of ``length`` x ``width`` m with end walls, from x = 0 along x, its middle at y = 0.
+
+    Without a length, None, it is as long as a scenario's episodes ask for.
+    """
 
     kind: ClassVar[str] = "corridor"
-    length: float = 20.0
+    length: float | None = 20.0
     width: float = 2.0
     glass_share: float = 0.0
     seed: int = 0
 
     def __post_init__(self) -> None:
-        require("world.length", self.length, "m", at_least=3.0 * END_SPACE, at_most=10_000.0)
+        require("world.length", self.length, "m", at_least=3.0 * END_SPACE, at_most=10_000.0, optional=True)
         require("world.width", self.width, "m", at_least=_NARROWEST, at_most=100.0)
         _check_glass(self)
         super().__post_init__()
 
     def build(self) -> tuple[World, ...]:
         """One world."""
+        if self.length is None:
+            raise ValueError("world.length=None is not allowed here: no episode says how long; give it in m")
         corners = rectangle(self.length, self.width) + np.array([0.5 * self.length, 0.0])
         line = np.array([[END_SPACE, 0.0], [self.length - END_SPACE, 0.0]])
         return (World("corridor", *_windows(outline(corners), self), np.array([[END_SPACE, 0.0, 0.0]]), line),)
@@ -240,9 +245,11 @@ class RandomCircuits(WorldRecord):
     def __post_init__(self) -> None:
         require("world.count", self.count, "circuits", at_least=1, at_most=100_000, whole=True)
         require("world.narrowest", self.narrowest, "m", at_least=_NARROWEST, at_most=100.0)
-        require("world.widest", self.widest, "m", at_least=self.narrowest, at_most=100.0)
+        require("world.widest", self.widest, "m", at_least=_NARROWEST, at_most=100.0)
+        ordered(self, "world", "narrowest", "widest")
         require("world.shortest", self.shortest, "m", at_least=2.0 * self.narrowest + SMALLEST_BLOCK, at_most=10_000.0)
-        require("world.longest", self.longest, "m", at_least=self.shortest, at_most=10_000.0)
+        require("world.longest", self.longest, "m", at_least=0.0, at_most=10_000.0)
+        ordered(self, "world", "shortest", "longest")
         _check_glass(self)
         super().__post_init__()
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from lanekeep_env.checks import require, shown
+from lanekeep_env.checks import ordered, require, shown
 from lanekeep_env.walls.boxes import Box, box_outline, boxes_from, check_apart, covers
 from lanekeep_env.walls.generators import SMALLEST_BLOCK, Circuit, RandomCircuits
 from lanekeep_env.walls.parking import ParkingRow
@@ -156,9 +156,11 @@ class RandomObstacleCircuits(RandomCircuits):
     def __post_init__(self) -> None:
         super().__post_init__()
         require("world.fewest", self.fewest, "boxes", at_least=0, at_most=1000, whole=True)
-        require("world.most", self.most, "boxes", at_least=self.fewest, at_most=1000, whole=True)
+        require("world.most", self.most, "boxes", at_least=0, at_most=1000, whole=True)
+        ordered(self, "world", "fewest", "most")
         require("world.smallest", self.smallest, "m", at_least=0.01, at_most=100.0)
-        require("world.largest", self.largest, "m", at_least=self.smallest, at_most=100.0)
+        require("world.largest", self.largest, "m", at_least=0.01, at_most=100.0)
+        ordered(self, "world", "smallest", "largest")
         require("world.turned", self.turned, "rad", at_least=0.0, at_most=math.pi / 4)
         require("world.passage", self.passage, "m", at_least=0.1, at_most=100.0)
         if self.passage + self.smallest > self.widest:

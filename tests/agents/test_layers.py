@@ -130,6 +130,27 @@ def test_a_model_with_another_activation_is_saved(layer, tmp_path):
     np.testing.assert_allclose(lanekeep_agents.load(tmp_path / "mine.json").predict(rows)[0], wanted, atol=1e-6)
 
 
+class Doubled(gym.RewardWrapper):
+    """A reward of one's own."""
+
+    def reward(self, reward):
+        return 2.0 * reward
+
+
+class Observed(gym.ObservationWrapper):
+    """Observations of one's own, of the same shape."""
+
+    def observation(self, observation):
+        return 0.5 * observation
+
+
+def test_a_reward_of_ones_own_is_kept_in_the_record(tmp_path):
+    model = PPO("MlpPolicy", make_vec_env(ID, 1, wrapper_class=Doubled), n_steps=8, batch_size=8, device="cpu")
+    record = lanekeep_agents.save(tmp_path / "mine.json", model)
+    assert record.training.hyperparameters["rewards"] == [f"{__name__}:Doubled"]
+    lanekeep_agents.load(tmp_path / "mine.json")
+
+
 class Halved(VecEnvWrapper):
     """A layer that a policy file does not know."""
 
@@ -155,6 +176,7 @@ def test_what_changes_neither_observations_nor_actions_may_lie_between(tmp_path)
         (lambda: Halved(lanekeep_agents.sb3_vec_env(ID, 1)), "layer Halved"),
         (lambda: VecFrameStack(VecFrameStack(lanekeep_agents.sb3_vec_env(ID, 1), 2), 2), "two layers of VecFrameStack"),
         (lambda: make_vec_env(ID, 1, wrapper_class=gym.wrappers.NormalizeObservation), "NormalizeObservation"),
+        (lambda: make_vec_env(ID, 1, wrapper_class=Observed), r"Observed.*derived from gymnasium\.RewardWrapper"),
         (
             lambda: make_vec_env(
                 ID, 1, wrapper_class=gym.wrappers.RescaleAction, wrapper_kwargs={"min_action": -2.0, "max_action": 2.0}

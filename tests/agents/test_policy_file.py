@@ -160,6 +160,14 @@ def test_other_records_are_refused(policy: Path, change, words) -> None:
     refused(policy, "policy.json", *words)
 
 
+def test_a_scenario_with_an_unknown_field_names_file_field_and_what_is_allowed(policy: Path) -> None:
+    values = json.loads(policy.read_text())
+    values["scenario"] |= {"lane_widht": 3.0}
+    policy.write_text(json.dumps(values))
+    names = [field.name for field in fields(SCENARIO)]
+    refused(policy, "policy.json", "no field 'lane_widht' (did you mean 'lane_width'?)", *names)
+
+
 #: All but what older files do not have.
 NEEDED = ["format", *(field.name for field in fields(PolicyRecord) if field.name != "frames")]
 

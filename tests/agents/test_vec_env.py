@@ -7,6 +7,7 @@ import pytest
 import lanekeep_env
 
 pytest.importorskip("stable_baselines3")
+from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import DummyVecEnv, VecVideoRecorder
 
 from lanekeep_agents import sb3_vec_env
@@ -152,3 +153,18 @@ def test_options_bound_episodes_that_begin_by_themselves_as_well():
     for _ in range(4):
         env.step(np.zeros((4, 1), np.float32))
         assert (env.truth["speed"] <= 10.2 + 1e-6).all()
+
+
+def test_cars_one_by_one_are_bounded_by_their_method():
+    """`DummyVecEnv` hands its options to a reset of all alone, which a model that goes on learning does not do."""
+    task = {"road": "straight", "speed": 20.0, "randomisation": {"speed": (0.5, 1.0)}, "episode_steps": 3}
+    env = make_vec_env("lanekeep/LaneKeep-v0", 3, env_kwargs=task)
+    column = env.get_attr("scenario")[0].column("speed")
+    env.reset()
+    env.env_method("narrow", {"speed": 0.6})
+    for step in range(8):
+        observation, *_ = env.step(np.zeros((3, 1), np.float32))
+        if step >= 2:
+            np.testing.assert_allclose(observation[:, column], 12.0, rtol=1e-6)
+    with pytest.raises(ValueError, match="reset option speed"):
+        env.env_method("narrow", {"speed": 0.4})

@@ -286,7 +286,7 @@ def test_full_observations_add_the_truth_of_rear_axle_and_motor():
         ({"speed": -1.0}, ["speed=-1.0", ">= 0", "m/s"]),
         ({"speed": "fast"}, ["speed='fast'", "SetSpeeds"]),
         ({"speed": True}, ["speed=True", "number"]),
-        ({"speed": {"minimum": 7.0}}, ["speed.minimum=7.0", "<= 6.0"]),
+        ({"speed": {"minimum": 7.0}}, ["speed.minimum=7.0", "speed.maximum=6.0", "<="]),
         ({"speed": {"standstill": 1.5}}, ["speed.standstill=1.5", "<= 1"]),
         ({"speed": {"hold": 0.05}}, ["speed.hold=0.05", "multiple", "0.04 s"]),
         ({"speed": {"hold": 0.001}}, ["speed.hold=0.001", "multiple", "0.04 s"]),

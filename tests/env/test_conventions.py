@@ -1,6 +1,7 @@
 """Conventions that trainers and wrappers rely on."""
 
 import pathlib
+from copy import deepcopy
 
 import gymnasium as gym
 import numpy as np
@@ -30,6 +31,39 @@ def test_a_limit_that_episodes_do_not_reach_is_refused_and_a_shorter_one_obeyed(
     assert ends == [False] * 6 + [True]
     made(form, max_episode_steps=600)
     made(form, max_episode_steps=2000, episode_steps=2000)
+
+
+@pytest.fixture
+def own_id():
+    """Somebody's own id for our environment, with a limit that its episodes do not reach."""
+    gym.register(
+        "mine/Lane-v0",
+        entry_point="lanekeep_env.envs.lane_keep:LaneKeepEnv",
+        vector_entry_point="lanekeep_env.envs.vector_twins:LaneKeepVectorEnv",
+        max_episode_steps=2000,
+    )
+    yield "mine/Lane-v0"
+    del gym.registry["mine/Lane-v0"]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_limit_of_a_spec_is_refused_alike(form, own_id):
+    changed = deepcopy(gym.spec(ID))
+    changed.max_episode_steps = 2000
+    for what in (changed, own_id):
+        with pytest.raises(ValueError, match=r"max_episode_steps=2000 is not allowed.*episode_steps=2000"):
+            made(form, what)
+        assert made(form, what, episode_steps=2000).spec.max_episode_steps == 2000
+    if form == "single":  # shorter ones than the spec says are what the call asks for
+        assert made(form, own_id, episode_steps=30).unwrapped.spec.max_episode_steps == 30
+        assert made(form, gym.make(ID).spec, episode_steps=30).unwrapped.spec.max_episode_steps == 30
+
+
+def test_a_longer_limit_of_ones_own_wrapper_ends_nothing_and_hides_nothing():
+    env = gym.wrappers.TimeLimit(gym.make(ID, episode_steps=20, departure="off"), 50)
+    env.reset(seed=0)
+    ends = [env.step(env.action_space.sample())[2:4] for _ in range(20)]
+    assert ends == [(False, False)] * 19 + [(False, True)]
 
 
 @pytest.mark.parametrize("env_id", [ID, DRIVE])

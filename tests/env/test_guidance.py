@@ -142,6 +142,10 @@ def test_wrong_plans_and_set_points_are_named_in_one_line() -> None:
         ({"plan": 0, "plan_errors": {"offset": 1.0}}, ["plan_errors", "no plan"]),
         ({"road": {"kind": "bypass", "smallest_radius": 0.5}}, ["road.smallest_radius=0.5"]),
         ({"road": {"kind": "turn-off", "largest_angle": 4.0}}, ["road.largest_angle=4.0", "<= 3.14"]),
+        ({"road": {"kind": "turn-off", "smallest_angle": 2.0}}, ["road.smallest_angle=2.0", "road.largest_angle=1.57"]),
+        ({"set_points": (1.2, 1.8)}, ["set_points=(1.2, 1.8)", "a number in m", "'minimum'", "'maximum'"]),
+        ({"set_points": {"minimum": 1.2}}, ["set_points lacks the field 'maximum'", "minimum, maximum, hold"]),
+        ({"set_points": {"minimum": 1.9, "maximum": 1.2}}, ["set_points.minimum=1.9", "set_points.maximum=1.2"]),
     ):
         with pytest.raises((ValueError, TypeError)) as caught:
             CameraLaneScenario.from_keywords(**keywords)

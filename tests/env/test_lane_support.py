@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from scipy.linalg import expm
 from lanekeep_env import LaneSupportScenario
 from lanekeep_env.physics.parameters import VEHICLES
 from lanekeep_env.scenario import Driver
+from lanekeep_env.scenario.driver import DRIVERS
 
 NOBODY = {"lapse_rate": 0.0, "wander": 0.0, "frequency": 0.0, "preview_time": 0.0, "lag": 0.0}
 
@@ -143,11 +146,35 @@ def test_car_i_is_the_single_environment_of_seed_s_plus_i() -> None:
             np.testing.assert_array_equal(single.step(action[i])[0], observation[i])
 
 
+def test_a_mapping_changes_the_named_driver_or_the_drowsy_one() -> None:
+    drivers = [
+        LaneSupportScenario.from_keywords(driver=driver).driver
+        for driver in ({"lag": 0.3}, {"base": "drowsy", "lag": 0.3}, {"base": "attentive", "lag": 0.3})
+    ]
+    assert drivers[0] == drivers[1] == dataclasses.replace(DRIVERS["drowsy"], lag=0.3)
+    assert drivers[2] == dataclasses.replace(DRIVERS["attentive"], lag=0.3)
+
+
+def test_the_driver_asks_for_no_more_than_the_largest_angle() -> None:
+    """A circle of 60 m takes a wheelbase of 2.5 m or more atan(2.5 / 60) = 0.042 rad; the actuator is told 0.02."""
+    keywords = {"road": {"kind": "circle", "radius": 60.0}, "max_steering_angle": 0.02, "departure": "off"}
+    env = gym.make("lanekeep/LaneSupport-v0", **keywords)
+    env.reset(seed=0)
+    column = env.unwrapped.scenario.column("steering_command")
+    for _ in range(20):
+        observation, *_ = env.step(np.zeros(2, dtype=np.float32))
+    asked = observation[env.unwrapped.scenario.column("driver_steering")]
+    assert asked > 0.03 and observation[column] == np.float32(0.02)
+
+
 def test_wrong_drivers_and_actions_are_refused_in_one_line() -> None:
     for keywords, said in (
         ({"driver": "sleepy"}, ["driver", "drowsy"]),
         ({"driver": {"lapses": 1.0}}, ["driver", "lapse_rate"]),
-        ({"driver": {"longest_lapse": 0.5}}, ["driver.longest_lapse", ">= 1"]),
+        ({"driver": {"longest_lapse": 0.5}}, ["driver.shortest_lapse=1.0", "driver.longest_lapse=0.5", "<="]),
+        ({"driver": {"shortest_lapse": 5.0}}, ["driver.shortest_lapse=5.0", "driver.longest_lapse=4.0", "<="]),
+        ({"driver": {"base": "atentive"}}, ["driver.base='atentive'", "did you mean 'attentive'", "drowsy"]),
+        ({"driver": {"base": "attentive", "lagg": 0.1}}, ["driver has no field 'lagg'", "'lag'"]),
         ({"action": "steering_rate"}, ["action", "steering_angle"]),
         ({"lane_width": 1.5}, ["lane_width", "1.8"]),
         ({"driver": {"wander": 0.0, "wander_time": 9.0}}, ["driver.wander_time", "does not wander"]),

@@ -1,12 +1,16 @@
 """What reset says of the episodes to come: numbers of the car, within the bounds that the scenario declares."""
 
+import functools
+import inspect
+import re
+
 import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import lanekeep_env  # noqa: F401
+import lanekeep_env
 
 ID = "lanekeep/LaneKeep-v0"
 DECLARED = {"mass": (0.8, 1.4), "friction": (0.4, 1.0), "speed": (0.5, 1.0), "steering_delay": (0.0, 0.1)}
@@ -71,6 +75,32 @@ def test_the_same_words_fix_a_single_car_and_cars_between_walls():
     assert info["speed"] == pytest.approx(0.4)
 
 
+@pytest.mark.parametrize("form", ["vector_entry_point", "sync", "async"])
+def test_a_curriculum_in_every_form(form):
+    """Cars in the middle of an episode end it as it is; the next ones are within the new bounds."""
+    env = gym.make_vec(ID, 2, form, **TASK, episode_steps=3)
+    narrow = functools.partial(env.call, "narrow") if hasattr(env, "call") else env.unwrapped.narrow
+    _, info = env.reset(seed=0, options={"speed": 0.9})
+    seen = [info["speed"]]
+    for step in range(8):
+        if step == 1:
+            narrow({"speed": 0.6})
+        seen.append(env.step(np.zeros((2, 1), np.float32))[4]["speed"])
+    env.close()
+    np.testing.assert_allclose(seen[:4], 18.0)
+    np.testing.assert_allclose(seen[4:], 12.0)
+
+
+@pytest.mark.parametrize("env_id", sorted(lanekeep_env.ENVIRONMENTS))
+def test_the_pages_have_the_options_that_are_taken(env_id):
+    env = gym.make(env_id).unwrapped
+    page = inspect.getdoc(env).partition("## Reset Options")[2].partition("##")[0]
+    listed = re.findall(r"^\* (\w+):", page, re.MULTILINE)
+    with pytest.raises(ValueError, match="unknown; allowed: ") as error:
+        env.reset(options={"x": 0})
+    assert set(listed) == set(str(error.value).partition("allowed: ")[2].split(", "))
+
+
 def test_the_default_is_untouched():
     told, plain = cars(), cars()
     np.testing.assert_array_equal(told.reset(seed=3, options={"randomisation": {}})[0], plain.reset(seed=3)[0])
@@ -101,6 +131,9 @@ def test_a_state_keeps_the_bounds():
         ({"randomisation": "stress"}, ["must be within"]),
         ({"randomisation": {"mas": 1.0}}, ["mas", "mass"]),
         ({"mas": 1.0}, ["'mas' is unknown", "mass"]),
+        ({"mass": 1.6}, ["mass=1.6", "0.8 to 1.4 (a factor of the nominal value)"]),
+        ({"steering_delay": 0.2}, ["steering_delay=0.2", "0 to 0.1 s"]),
+        ({"road": 0, "road_index": 0}, ["'road_index' and 'road' are one"]),
         ({"mass": float("nan")}, ["mass", "finite"]),
         ({"randomisation": 3}, ["must be"]),
         ([("mass", 1.0)], ["must be a mapping"]),

@@ -150,7 +150,7 @@ def test_turning_off_is_a_quarter_circle_that_shows_no_edge(side, lost):
 @pytest.mark.parametrize(
     ("value", "words"),
     [
-        ({"kind": "yard", "smallest_radius": 9.0, "largest_radius": 8.0}, ["road.largest_radius=8.0", ">= 9.0", "m"]),
+        ({"kind": "yard", "smallest_radius": 9.0, "largest_radius": 8.0}, ["smallest_radius=9.0", "together"]),
         ({"kind": "yard", "gap_spacing": 0.0}, ["road.gap_spacing=0.0", ">= 1", "None"]),
         ({"kind": "yard", "gap_length": -1.0}, ["road.gap_length", ">= 0.01"]),
         ({"kind": "yard", "length": 10.0}, ["road.length=10.0", ">= 50"]),

@@ -11,6 +11,7 @@ import numpy as np
 from lanekeep_env import layout as at
 from lanekeep_env.engine.cars import Cars, check_index
 from lanekeep_env.engine.given_state import check_state, row_of
+from lanekeep_env.engine.reset_options import ROAD_STARTS
 from lanekeep_env.families.road.kernel import ON_ROADS
 from lanekeep_env.rendering.road_picture import Pose
 from lanekeep_env.roads import Road, RoadSpec, SpeedSpec, road_set
@@ -67,7 +68,7 @@ class RoadCars(Cars):
     """n cars on roads."""
 
     family = ON_ROADS
-    start_options = ("lateral_error", "heading_error", "arc_length", "road_index")
+    start_options = tuple(ROAD_STARTS)
     empty_row = at.SEGMENT_LENGTH
 
     def __init__(self, scenario: RoadScenario, *arguments: Any) -> None:

@@ -13,6 +13,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
 from lanekeep_env.engine.cars import Cars, check_index
 from lanekeep_env.engine.given_state import check_state
+from lanekeep_env.engine.reset_options import WALL_STARTS
 from lanekeep_env.families.wall.kernel import BETWEEN_WALLS
 from lanekeep_env.rendering.wall_picture import WallPose
 from lanekeep_env.scenario.walls import WallFollowScenario
@@ -70,7 +71,7 @@ class WallCars(Cars):
     """n cars between walls."""
 
     family = BETWEEN_WALLS
-    start_options = ("lateral_error", "heading_error", "start_index", "world_index")
+    start_options = tuple(WALL_STARTS)
     empty_row = at.SPEED_SQUARED
     moving: tuple[str, ...] = (*Cars.moving, "held")
 

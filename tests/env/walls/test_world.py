@@ -174,7 +174,7 @@ def test_packed_walls_are_opaque_first():
         ({"kind": "ell", "turn": "lft"}, r"world.turn='lft' is unknown \(did you mean 'left'\?\)"),
         ({"kind": "ell", "first": 3}, "world.first=3 is not allowed"),
         ({"kind": "slalom", "gap": 3.0}, "world.gap=3.0 is not allowed"),
-        ({"kind": "random-circuits", "widest": 1.0}, "world.widest=1.0 is not allowed"),
+        ({"kind": "random-circuits", "widest": 1.0}, "world.narrowest=1.2 and world.widest=1.0 are not"),
         ({"kind": "random-circuits", "count": 0}, "world.count=0 is not allowed"),
     ],
 )
