@@ -396,3 +396,30 @@ DRIVE_OUTCOME_ROWS = 20
 
 # start: (rows, n) float64; NaN means drawn by the episode's key
 START_ROWS = 4  # lateral error, heading error, arc length, road index
+
+# traffic: (T_ROWS, cars) float64, behind one another in the road's coordinates
+T_X = 0  # of the middle, along the road, m
+T_Y = 1  # from the middle of lane 0, left positive, m
+T_HEADING = 2  # from the road's, rad
+T_SPEED = 3  # m/s
+T_LANE = 4  # number of the nearest lane, 0 for the right-most
+T_TARGET = 5  # of the lane that it goes to
+T_TIMER = 6  # since the last decision about lanes, s
+T_WISH = 7  # speed on a free road, m/s
+T_EXPONENT = 8  # of IDM
+T_CRASHED = 9  # 1 after a contact among them
+T_PUSHED = 10  # 1 where a contact pushes in the next step, by ...
+T_PUSH_X = 11  # ... m
+T_PUSH_Y = 12
+T_STEER = 13  # wheel angle, rad
+T_PULL = 14  # acceleration, m/s²
+T_COSINE = 15  # of the heading
+T_SINE = 16
+T_ROWS = 17
+# and their road:
+T_LANES = 0
+T_LANE_WIDTH = 1  # m
+T_SPEED_LIMIT = 2  # m/s
+T_FIRST_LANE = 3  # right-most lane that they change to
+T_GRIP = 4  # largest acceleration that the road allows, m/s²
+T_ROAD_SIZE = 5
