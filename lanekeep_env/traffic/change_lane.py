@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.compile import helper, inline
+from lanekeep_env.compile import helper_as_written, inline_as_written
 from lanekeep_env.traffic.follow import acceleration, desired_gap
 
 #: Gain that a change takes and the braking that it may ask of the car behind, m/s²; time between decisions, s; speed
@@ -20,7 +20,7 @@ GAIN, IMPOSED, DELAY, SLOWEST = 0.2, 2.0, 1.0, 1.0
 MARGIN = 1.0
 
 
-@inline
+@inline_as_written
 def neighbours(j, lane, cars, road):
     """Return the numbers of the cars ahead of and behind car j in a lane, -1 for none."""
     x, middle, reach = cars[at.T_X, j], lane * road[at.T_LANE_WIDTH], road[at.T_LANE_WIDTH] / 2 + MARGIN
@@ -36,7 +36,7 @@ def neighbours(j, lane, cars, road):
     return front, rear
 
 
-@helper
+@helper_as_written
 def gains(j, lane, cars, road):
     """Return whether MOBIL wants car j in a lane beside its own."""
     exponent, limit = cars[at.T_EXPONENT, j], road[at.T_SPEED_LIMIT]
@@ -48,7 +48,7 @@ def gains(j, lane, cars, road):
     return there - acceleration(j, old_front, exponent, limit, cars) >= GAIN
 
 
-@helper
+@helper_as_written
 def choose_lane(j, cars, road):
     """Decide the lane that car j goes to."""
     lane, target = cars[at.T_LANE, j], cars[at.T_TARGET, j]

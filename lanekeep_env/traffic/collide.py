@@ -10,13 +10,13 @@ import math
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.compile import helper, inline
+from lanekeep_env.compile import helper_as_written, inline_as_written
 from lanekeep_env.traffic.follow import LENGTH, WIDTH
 
 _DIAGONAL = math.hypot(LENGTH, WIDTH)
 
 
-@inline
+@inline_as_written
 def _corner(j, which, cars):
     """Return corner 0 to 3 of car j, anticlockwise or not as they come."""
     along = -LENGTH / 2 if which < 2 else LENGTH / 2
@@ -25,7 +25,7 @@ def _corner(j, which, cars):
     return cars[at.T_X, j] + cosine * along - sine * across, cars[at.T_Y, j] + sine * along + cosine * across
 
 
-@inline
+@inline_as_written
 def _shadow(j, normal_x, normal_y, cars):
     """Return the ends of car j's shadow on an axis, m."""
     low, high = np.inf, -np.inf
@@ -36,13 +36,13 @@ def _shadow(j, normal_x, normal_y, cars):
     return low, high
 
 
-@inline
+@inline_as_written
 def _apart(low, high, other_low, other_high):
     """Return how far two shadows are apart, m, negative where they overlap."""
     return other_low - high if low < other_low else low - other_high
 
 
-@helper
+@helper_as_written
 def _push(a, b, seconds, cars):
     """Return (whether cars a and b overlap, whether they will, the push that parts a from b, x and y, m)."""
     overlap = will = True
@@ -53,7 +53,7 @@ def _push(a, b, seconds, cars):
         j, which = (a, edge) if edge < 4 else (b, edge - 4)
         x, y = _corner(j, which, cars)
         next_x, next_y = _corner(j, (which + 1) % 4, cars)
-        length = math.hypot(next_x - x, next_y - y)
+        length = np.sqrt((next_x - x) * (next_x - x) + (next_y - y) * (next_y - y))
         normal_x, normal_y = (y - next_y) / length, (next_x - x) / length
         low, high = _shadow(a, normal_x, normal_y, cars)
         other_low, other_high = _shadow(b, normal_x, normal_y, cars)
@@ -72,13 +72,13 @@ def _push(a, b, seconds, cars):
     return overlap, will, push_x, push_y
 
 
-@helper
+@helper_as_written
 def collide(first, seconds, cars):
     """Mark the cars from number ``first`` on that meet each other, and note how far they are pushed."""
     for a in range(first, cars.shape[1]):
         for b in range(a + 1, cars.shape[1]):
-            distance = math.hypot(cars[at.T_X, b] - cars[at.T_X, a], cars[at.T_Y, b] - cars[at.T_Y, a])
-            if distance > _DIAGONAL + cars[at.T_SPEED, a] * seconds:
+            across, along = cars[at.T_Y, b] - cars[at.T_Y, a], cars[at.T_X, b] - cars[at.T_X, a]
+            if np.sqrt(along * along + across * across) > _DIAGONAL + cars[at.T_SPEED, a] * seconds:
                 continue
             overlap, will, push_x, push_y = _push(a, b, seconds, cars)
             if will:

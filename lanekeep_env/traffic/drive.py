@@ -10,14 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.compile import helper, kernel
+from lanekeep_env.compile import helper_as_written, kernel
 from lanekeep_env.physics.numeric import clip
 from lanekeep_env.traffic.change_lane import choose_lane, neighbours
 from lanekeep_env.traffic.collide import collide
 from lanekeep_env.traffic.follow import LARGEST_PULL, LARGEST_SPEED, LENGTH, acceleration, steering
 
 
-@helper
+@helper_as_written
 def find_lane(j, cars, road):
     """Note the lane of car j, the nearest one, and the direction that it points in."""
     heading = cars[at.T_HEADING, j]
@@ -30,9 +30,9 @@ def find_lane(j, cars, road):
             cars[at.T_LANE, j] = lane
 
 
-@helper
+@helper_as_written
 def decide(first, cars, road):
-    """Choose lane, wheel angle and acceleration of the cars from number ``first`` on; those before see to themselves."""
+    """Choose lane, wheel angle and acceleration of the cars from number ``first`` on."""
     limit, most = road[at.T_SPEED_LIMIT], min(LARGEST_PULL, road[at.T_GRIP])
     for j in range(first, cars.shape[1]):
         if cars[at.T_CRASHED, j] > 0.0:
@@ -48,7 +48,7 @@ def decide(first, cars, road):
         cars[at.T_PULL, j] = clip(pull, -most, most)
 
 
-@helper
+@helper_as_written
 def move(first, seconds, cars, road):
     """Move the cars from number ``first`` on by a step, as what they decided asks for."""
     for j in range(first, cars.shape[1]):

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.compile import inline
+from lanekeep_env.compile import inline_as_written
 from lanekeep_env.physics.numeric import clip
 
 #: A car's body, m.
@@ -27,7 +27,7 @@ _TURN, _HALF_TURN, _LARGEST_COURSE = 2.0 * math.pi, math.pi, math.pi / 4
 _GAP_OVER_SPEEDS = 2.0 * math.sqrt(ACCELERATION * BRAKING)
 
 
-@inline
+@inline_as_written
 def not_zero(x):
     """Return x, or 0.01 of its sign where it is smaller than that."""
     if abs(x) > 1e-2:
@@ -35,7 +35,7 @@ def not_zero(x):
     return 1e-2 if x >= 0.0 else -1e-2
 
 
-@inline
+@inline_as_written
 def desired_gap(j, front, cars):
     """Return the way from car j's middle to that of the one in front that IDM asks for, m."""
     v, cosine, sine = cars[at.T_SPEED, j], cars[at.T_COSINE, j], cars[at.T_SINE, j]
@@ -45,7 +45,7 @@ def desired_gap(j, front, cars):
     return STANDING + v * TIME_GAP + v * closing / _GAP_OVER_SPEEDS
 
 
-@inline
+@inline_as_written
 def free_acceleration(j, exponent, speed_limit, cars):
     """Return IDM's acceleration of car j on a free road, m/s²."""
     wish = clip(cars[at.T_WISH, j], 0.0, speed_limit)
@@ -53,7 +53,7 @@ def free_acceleration(j, exponent, speed_limit, cars):
     return ACCELERATION * (1.0 - np.power(share, exponent))
 
 
-@inline
+@inline_as_written
 def acceleration(j, front, exponent, speed_limit, cars):
     """Return IDM's acceleration of car j behind car ``front``, m/s²; either is -1 where there is none."""
     if j < 0:
@@ -65,7 +65,7 @@ def acceleration(j, front, exponent, speed_limit, cars):
     return pull
 
 
-@inline
+@inline_as_written
 def steering(j, left, cars):
     """Return the wheel angle by which car j, so far left of the middle of its target lane (m), steers there, rad."""
     v = cars[at.T_SPEED, j]
