@@ -20,7 +20,7 @@ class TrafficEnv(AmongTraffic, PoweredEnv, gym.Env):
     |---|---|
     | "flow" | they drive as they like |
     | "braking_lead" | the car ahead, at its set speed and 0.8 to 2 s away, brakes with 4 to 9 m/s² for 1 to 5 s |
-    | "cut_in" | a slower car ahead in the next lane comes over when it is 0.1 to 1 s away |
+    | "cut_in" | a slower car ahead in the next lane comes over when it is 0.3 to 1.3 s away |
     | "merging" | the car starts in the right-most lane, which ends 150 to 300 m ahead; the others keep out of it |
 
     The others drive in the road's coordinates, their speeds are those along its line; the tyres of none give more

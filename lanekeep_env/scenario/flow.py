@@ -33,7 +33,7 @@ class Flow:
     """
 
     cars: int = 20
-    spacing: float = 50.0
+    spacing: float = 80.0
     speeds: tuple[float, float] = (20.0, 28.0)
     situation: str = "flow"
 

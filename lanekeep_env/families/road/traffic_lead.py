@@ -76,7 +76,7 @@ def _expect(i, time, block, timeline, traffic):
     speed, brake = max(traffic[at.T_SPEED, lead], 0.0), max(-traffic[at.T_PULL, lead], 0.0)
     left = traffic[at.T_BRAKES_UNTIL, lead] - time
     target = 0.0 if traffic[at.T_CRASHED, lead] > 0.0 else max(speed - brake * max(left, 0.0), 0.0)
-    event = min(2 + _since(i, block) // PERIOD, EVENTS - 1)
+    event = min(max(2 + _since(i, block) // PERIOD, 2), EVENTS - 1)
     _write(event, time, at.LEAD_SPEED_EVENT, target, brake, timeline)
 
 

@@ -111,8 +111,8 @@ def _tell(draws, lane, speed, traffic, streets, settings):
         if its < 0.0 or its >= streets[at.T_LANES]:
             its = 2.0 * lane - its
         traffic[at.T_X, 1] = 10.0 + _between(draws, _GAP, 1.0, 2.5) * speed
-        traffic[at.T_WISH, 1] = _between(draws, _SPEED, 0.6, 0.95) * speed
-        traffic[at.T_CUTS_IN, 1] = _between(draws, _TIME, 0.1, 1.0) * speed
+        traffic[at.T_WISH, 1] = _between(draws, _SPEED, 0.7, 0.95) * speed
+        traffic[at.T_CUTS_IN, 1] = _between(draws, _TIME, 0.3, 1.3) * speed
     traffic[at.T_LANE, 1] = traffic[at.T_TARGET, 1] = its
     traffic[at.T_Y, 1] = its * streets[at.T_LANE_WIDTH]
     traffic[at.T_SPEED, 1] = traffic[at.T_WISH, 1]
