@@ -31,11 +31,12 @@ def _time(i, block, settings):
 
 
 @helper
-def _obey(time, seconds, half_length, traffic):
+def _obey(time, seconds, half_length, grip, traffic):
     """Let cars do what they are told: brake at a time, or come in front of car 0 at a gap."""
     for j in range(1, traffic.shape[1]):
         if traffic[at.T_BRAKES_AT, j] <= time < traffic[at.T_BRAKES_UNTIL, j]:
-            traffic[at.T_PULL, j] = -min(traffic[at.T_BRAKE, j], max(traffic[at.T_SPEED, j], 0.0) / seconds)
+            brake = min(traffic[at.T_BRAKE, j], grip)
+            traffic[at.T_PULL, j] = -min(brake, max(traffic[at.T_SPEED, j], 0.0) / seconds)
         gap = traffic[at.T_X, j] - traffic[at.T_X, 0] - LENGTH / 2 - half_length
         if 0.0 < gap < traffic[at.T_CUTS_IN, j]:
             traffic[at.T_TARGET, j] = traffic[at.T_LANE, 0]
@@ -51,7 +52,8 @@ def _begin(k, cars, counters, settings, equipment):
     for i in range(cars_in(k, cars, counters)):
         traffic, streets = equipment[_TRAFFIC][first + i], equipment[_STREETS][first + i]
         decide(1, traffic, streets)
-        _obey(_time(i, block, settings), seconds, np.float64(settings[at.BODY_HALF_LENGTH]), traffic)
+        half = np.float64(settings[at.BODY_HALF_LENGTH])
+        _obey(_time(i, block, settings), seconds, half, streets[at.T_GRIP], traffic)
 
 
 @helper
