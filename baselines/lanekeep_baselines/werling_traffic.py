@@ -73,6 +73,10 @@ class WerlingTraffic(WerlingDrive):
     horizon: ClassVar[float] = 10.0
     #: A car that is nearer to the side ends a change that has not left its lane, m.
     beside: ClassVar[float] = 1.0
+    #: Before the end of a lane the car behind which to go is followed nearer than the gap law has it, s, and braking
+    #: begins where it takes that much, m/s².
+    closer: ClassVar[float] = 0.6
+    late: ClassVar[float] = 2.5
     #: For how long braking is taken to last where a change is weighed, s.
     foresight: ClassVar[float] = 2.0
     #: A car of the next lane that is nearer than that many lanes is on its way into this one.
@@ -155,7 +159,7 @@ class WerlingTraffic(WerlingDrive):
             seen[name] = road + bend.curvature
         return seen
 
-    def _leads(self, at: Mapping[str, Floats], change: Change) -> tuple[Floats, Floats]:
+    def _leads(self, at: Mapping[str, Floats], change: Change, ending: Floats) -> tuple[Floats, Floats]:
         """Return gap (m) and speed (m/s) of the car ahead that asks for the least acceleration, (n,) each."""
         v, tuning = at["speed"], self.longitudinal
         side = np.where(at["lane"] == change.origin, change.target - change.origin, change.origin - change.target)
@@ -170,6 +174,9 @@ class WerlingTraffic(WerlingDrive):
             comes = np.abs(at[f"ahead_{name}_lane"]) < self.coming
             counts = (side == sign) | comes
             beside = np.where(counts, np.maximum(self._gap(at, "ahead", name), 0.0), np.inf)
+            if name == "left":  # where the lane ends, the place behind that car is the one to go to
+                behind = np.maximum(self._gap(at, "ahead", name) + self.closer * v, 0.0)
+                beside = np.where((ending > 0.0) & ~counts, behind, beside)
             asks = asked(beside, at[f"ahead_{name}_speed"])
             first = asks < least
             least = np.where(first, asks, least)
@@ -193,8 +200,10 @@ class WerlingTraffic(WerlingDrive):
         last = Change(*(np.where(fresh, new, old) for new, old in zip(began, last, strict=True)))
         ending = np.where((lane == 0.0) & (at["stop_gap"] < self._far), 1.0, 0.0)
         change = self._start(at, last._replace(ends=np.maximum(last.ends, ending)), ending)
-        gap, speed = self._leads(at, change)
+        gap, speed = self._leads(at, change, ending)
         stop = np.where(at["stop_gap"] >= self._far, np.inf, at["stop_gap"])
+        late = (at["speed"] ** 2 > 2.0 * self.late * stop) | (stop < 20.0)
+        stop = np.where(late | (ending == 0.0), stop, np.inf)
         stop = np.minimum(stop, self._standstill(gap, speed, last))
         seen = {
             **at,
