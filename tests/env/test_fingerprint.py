@@ -20,7 +20,7 @@ from lanekeep_env.families.road.drive_kernel import DRIVING
 from lanekeep_env.families.road.guided import GUIDED
 from lanekeep_env.families.road.kernel import ON_ROADS
 from lanekeep_env.families.road.support import WITH_DRIVER
-from lanekeep_env.families.road.traffic_cars import AMONG_TRAFFIC
+from lanekeep_env.families.road.traffic_kernel import AMONG_TRAFFIC
 from lanekeep_env.families.wall.course import ON_COURSES
 from lanekeep_env.families.wall.kernel import BETWEEN_WALLS
 from lanekeep_env.fingerprint import COMPILED_WITH, fingerprint
@@ -176,7 +176,7 @@ from lanekeep_env.families.road.drive_kernel import DRIVING
 from lanekeep_env.families.road.guided import GUIDED
 from lanekeep_env.families.road.kernel import ON_ROADS
 from lanekeep_env.families.road.support import WITH_DRIVER
-from lanekeep_env.families.road.traffic_cars import AMONG_TRAFFIC
+from lanekeep_env.families.road.traffic_kernel import AMONG_TRAFFIC
 from lanekeep_env.families.wall.course import ON_COURSES
 from lanekeep_env.families.wall.kernel import BETWEEN_WALLS
 from lanekeep_env.fingerprint import fingerprint

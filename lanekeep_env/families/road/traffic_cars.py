@@ -11,15 +11,9 @@ import numpy as np
 from lanekeep_env import layout as at
 from lanekeep_env.engine.given_state import row_of
 from lanekeep_env.families.road.drive_cars import DriveCars
-from lanekeep_env.families.road.drive_kernel import DRIVING
-from lanekeep_env.families.road.traffic_kernel import _begin, _judge, _observe, _report
+from lanekeep_env.families.road.traffic_kernel import AMONG_TRAFFIC
 from lanekeep_env.families.road.traffic_lead import EVENTS
-from lanekeep_env.families.road.traffic_start import start_in_traffic
 from lanekeep_env.rendering.road_picture import Pose
-
-AMONG_TRAFFIC = replace(
-    DRIVING, name="among_traffic", begin=_begin, judge=_judge, report=_report, observe=_observe, start=start_in_traffic
-)
 
 
 class TrafficCars(DriveCars):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from lanekeep_env import layout as at
@@ -10,13 +12,14 @@ from lanekeep_env.engine.episode import cars_in
 from lanekeep_env.families.road import drive_kernel
 from lanekeep_env.families.road.kernel import judge_lane
 from lanekeep_env.families.road.kernel import observe as observe_road
-from lanekeep_env.families.road.traffic_lead import find_lead, is_avoidable
+from lanekeep_env.families.road.traffic_lead import is_avoidable, see_traffic
+from lanekeep_env.families.road.traffic_start import start_in_traffic
 from lanekeep_env.physics.numeric import clip, like
 from lanekeep_env.tasks.avoidable import avoided
 from lanekeep_env.tasks.driving import TOLERANCE, wanted_speed
 from lanekeep_env.tasks.termination import CONTACT, STOP_PASSED
 from lanekeep_env.traffic.change_lane import neighbours
-from lanekeep_env.traffic.drive import decide, find_lane, move
+from lanekeep_env.traffic.drive import decide, move
 from lanekeep_env.traffic.follow import LENGTH
 from lanekeep_env.traffic.touch import touches
 
@@ -54,25 +57,6 @@ def _begin(k, cars, counters, settings, equipment):
         decide(1, traffic, streets)
         half = np.float64(settings[at.BODY_HALF_LENGTH])
         _obey(_time(i, block, settings), seconds, half, streets[at.T_GRIP], traffic)
-
-
-@helper
-def see_traffic(i, time, block, counted, timeline, traffic, streets, settings):
-    """Note where car i is among the others: its lane, the car ahead, the end of its lane."""
-    heading, wide = np.float64(block[at.HEADING, i]), np.float64(settings[at.LANE_WIDTH])
-    traffic[at.T_HEADING, 0], traffic[at.T_SPEED, 0] = heading, block[at.SPEED, i]
-    traffic[at.T_WISH, 0] = block[at.SET_SPEED, i]
-    traffic[at.T_Y, 0] = block[at.LATERAL, i] + settings[at.BODY_MIDDLE] * np.sin(heading)
-    find_lane(0, traffic, streets)
-    lane = min(max(np.floor(block[at.LATERAL, i] / wide + 0.5), 0.0), settings[at.LANES] - 1.0)
-    if block[at.LANE, i] != lane:
-        block[at.LANE_SINCE, i] = block[at.STEP, i]
-    block[at.LANE, i] = lane
-    block[at.LANE_OFFSET, i] = block[at.LATERAL, i] - lane * wide
-    traffic[at.T_LANE, 0] = traffic[at.T_TARGET, 0] = lane
-    find_lead(i, time, block, counted, timeline, traffic, streets, settings)
-    ends = lane == 0.0 and block[at.LANE_END, i] < at.FAR
-    block[at.STOP_GAP, i] = block[at.LANE_END, i] if ends else like(block[0, 0], at.FAR)
 
 
 @helper
@@ -167,3 +151,14 @@ def _show(j, none, side, lane, column, traffic, settings, seen):
         speed = clip(traffic[at.T_SPEED, j] * traffic[at.T_COSINE, j], -50.0, 50.0)
         its = clip(traffic[at.T_Y, j] / settings[at.LANE_WIDTH] - lane, -8.0, 8.0)
     seen[column], seen[column + 1], seen[column + 2] = distance, speed, its
+
+
+AMONG_TRAFFIC = replace(
+    drive_kernel.DRIVING,
+    name="among_traffic",
+    begin=_begin,
+    judge=_judge,
+    report=_report,
+    observe=_observe,
+    start=start_in_traffic,
+)

@@ -1,4 +1,4 @@
-"""The car ahead among traffic: which one it is, since when, and how it drives since then.
+"""Where a car is among traffic: its lane, the car ahead, since when that is ahead, and how it drives since then.
 
 What it does is written down as the events of a timeline, so that the function that judges the contacts of
 `lanekeep/Drive-v0` judges these as well.
@@ -14,6 +14,7 @@ from lanekeep_env.physics.numeric import like
 from lanekeep_env.tasks.avoidable import avoided
 from lanekeep_env.tasks.driving import sight
 from lanekeep_env.traffic.change_lane import MARGIN, neighbours
+from lanekeep_env.traffic.drive import find_lane
 from lanekeep_env.traffic.follow import LENGTH
 
 #: Events of a car's timeline: its set speed, the car ahead, and that one's speeds, one each so many control steps.
@@ -23,7 +24,26 @@ SETTLED = 5.0
 
 
 @helper
-def find_lead(i, time, block, counted, timeline, traffic, streets, settings):
+def see_traffic(i, time, block, counted, timeline, traffic, streets, settings):
+    """Note where car i is among the others: its lane, the car ahead, the end of its lane."""
+    heading, wide = np.float64(block[at.HEADING, i]), np.float64(settings[at.LANE_WIDTH])
+    traffic[at.T_HEADING, 0], traffic[at.T_SPEED, 0] = heading, block[at.SPEED, i]
+    traffic[at.T_WISH, 0] = block[at.SET_SPEED, i]
+    traffic[at.T_Y, 0] = block[at.LATERAL, i] + settings[at.BODY_MIDDLE] * np.sin(heading)
+    find_lane(0, traffic, streets)
+    lane = min(max(np.floor(block[at.LATERAL, i] / wide + 0.5), 0.0), settings[at.LANES] - 1.0)
+    if block[at.LANE, i] != lane:
+        block[at.LANE_SINCE, i] = block[at.STEP, i]
+    block[at.LANE, i] = lane
+    block[at.LANE_OFFSET, i] = block[at.LATERAL, i] - lane * wide
+    traffic[at.T_LANE, 0] = traffic[at.T_TARGET, 0] = lane
+    _find_lead(i, time, block, counted, timeline, traffic, streets, settings)
+    ends = lane == 0.0 and block[at.LANE_END, i] < at.FAR
+    block[at.STOP_GAP, i] = block[at.LANE_END, i] if ends else like(block[0, 0], at.FAR)
+
+
+@helper
+def _find_lead(i, time, block, counted, timeline, traffic, streets, settings):
     """Note the car ahead of car i in its lane, what was seen of it first, and how fast it has been since."""
     front, _ = neighbours(np.int64(0), np.int64(block[at.LANE, i]), traffic, streets)
     gap = at.NOWHERE

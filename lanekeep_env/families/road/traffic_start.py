@@ -8,7 +8,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
 from lanekeep_env.engine.episode import DRAW_LATERAL
 from lanekeep_env.families.road.start import start_on_road
-from lanekeep_env.families.road.traffic_kernel import see_traffic
+from lanekeep_env.families.road.traffic_lead import see_traffic
 from lanekeep_env.randomness import derive, uniform
 from lanekeep_env.tasks.driving import grip_of, sight
 from lanekeep_env.traffic.drive import find_lane
