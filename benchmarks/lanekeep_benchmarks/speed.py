@@ -30,7 +30,7 @@ POLICY = "ppo-lane-keep-seed0"
 #: Rows of the environment among traffic, and what it shares with `highway-v0` as that is by default.
 ROWS, NEIGHBOURS = 256, {"flow": {"cars": 50}, "lanes": 4}
 #: Calls of `step` in one quick round; a full round has four times as many.
-STEPS = {"single": 10_000, "highway": 100, "vector": 100, "traffic": 20}
+STEPS = {"single": 10_000, "highway": 100, "vector": 100, "traffic": 4}
 #: Further environments as a single one: task, what is special in words and in keywords.
 OTHERS: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("TurnOff", "", {}),
@@ -147,10 +147,10 @@ def traffic_contenders(scale: int = 1) -> list[Contender]:
     steps = STEPS["traffic"] * scale
     return [
         Contender("highway-env highway-v0, 50 others", _single("highway-v0", steps)),
-        Contender("lanekeep Traffic, 50 others", _single("lanekeep/Traffic-v0", 50 * steps, **NEIGHBOURS)),
+        Contender("lanekeep Traffic, 50 others", _single("lanekeep/Traffic-v0", 500 * steps, **NEIGHBOURS)),
         Contender(
             f"lanekeep Traffic {ROWS} cars, 50 others each",
-            _vector("lanekeep/Traffic-v0", 2 * steps, ROWS, **NEIGHBOURS),
+            _vector("lanekeep/Traffic-v0", 5 * steps, ROWS, **NEIGHBOURS),
         ),
     ]
 
