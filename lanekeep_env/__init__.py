@@ -18,6 +18,7 @@ from lanekeep_env.scenario import (
     ParallelParkScenario,
     ReversePathScenario,
     RoadWorksScenario,
+    TrafficScenario,
     TurnOffScenario,
     WallFollowScenario,
 )
@@ -45,6 +46,7 @@ __all__ = [
     "Sensor",
     "SteeringActuator",
     "Termination",
+    "TrafficScenario",
     "TurnOffScenario",
     "VehicleParameters",
     "WallFollowScenario",

@@ -24,24 +24,28 @@ _OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "_
 _INTERNAL: dict[str, Any] = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
-def inline(function: F) -> F:
+# Where results follow another program's operation by operation, each is rounded as there.
+_AS_WRITTEN: dict[str, Any] = {"fastmath": False}
+
+
+def inline(function: F, *, as_written: bool = False) -> F:
     """Compile a scalar function of the SIMD loops; always inlined, or the loop around it stays scalar.
 
     It stays a Python function, which Python can call with floats.
     """
-    options = {"forceinline": True, **_INTERNAL}
+    options = {"forceinline": True, **_INTERNAL, **(_AS_WRITTEN if as_written else {})}
     setattr(function, COMPILED_WITH, options)
     return register_jitable(**options)(function)
 
 
-def helper(function: F) -> F:
+def helper(function: F, *, as_written: bool = False) -> F:
     """Compile a function that other compiled functions call; inlined where LLVM thinks it pays.
 
     It is kept as kernels are: another kernel that calls it (another car, other sensors) compiles in half the time.
     """
     if numba.config.DISABLE_JIT:
         return function
-    compiled = numba.njit(**_INTERNAL)(function)
+    compiled = numba.njit(**{**_INTERNAL, **(_AS_WRITTEN if as_written else {})})(function)
     compiled._cache = KernelCache(compiled)
     return compiled
 
@@ -61,6 +65,10 @@ def kernel(*, parallel: bool = False) -> Callable[[Callable[..., Any]], Callable
         return compiled
 
     return compile_kernel
+
+
+inline_as_written = functools.partial(inline, as_written=True)
+helper_as_written = functools.partial(helper, as_written=True)
 
 
 def _quiet(function: F) -> F:

@@ -142,7 +142,15 @@ EVENT_STEP = 107  # control step at which the timeline's next event is due
 UP_FROM = 108  # speed from which on a gear change up may be due, m/s
 DOWN_BELOW = 109  # speed below which one down may be due without kick-down, m/s
 DUE = 110  # 1 where an event or a gear change may be due at the start of the control step
-CAR_ROWS = 111  # further rows, as many as needed: commands (newest first), then the sensors' rows
+# Among traffic:
+LANE = 111  # number of the nearest lane, 0 for the right-most
+LANE_OFFSET = 112  # from its middle, m, left positive
+LEAD_NUMBER = 113  # of the car ahead, 0 for none
+LEAD_OURS = 114  # 1 where it is ahead because the car came into its lane
+PLACE_BEFORE = 115  # arc length of the road at the end of the control step before, m
+LANE_SINCE = 116  # control step in which it came to its lane, 0 for the start
+LANE_END = 117  # way from the car's front to the end of lane 0, m; NOWHERE where it does not end
+CAR_ROWS = 118  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the car (a uint64, reinterpreted)
@@ -242,7 +250,17 @@ SECOND_LOW = 80  # its least value that counts
 SECOND_SCALE = 81  # what is asked for at 1
 CIRCLE = 82  # share of the friction that engine and brake take at the most, leaving the rest across; 0: no circle
 GATHERED = 83  # how many channels are rows as they stand
-CHANNELS = 84  # low and high of each channel follow, then column and source (a row) of each gathered one
+# Among traffic:
+WISH_LOW = 84  # of the set speed, m/s
+WISH_HIGH = 85
+LANES = 86
+LANE_WIDTH = 87  # m
+SITUATION = 88
+SPACING = 89  # between cars in a lane where episodes start, m
+FLOW_LOW = 90  # of the speeds that the others like, m/s
+FLOW_HIGH = 91
+FIRST_NEIGHBOUR = 92  # first of the channels that show the cars around
+CHANNELS = 93  # low and high of each channel follow, then column and source (a row) of each gathered one
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample, then:
@@ -346,6 +364,7 @@ STEERING_ANGLE, STEERING_RATE = 0, 1
 TERMINATE, COST, OFF = 0, 1, 2
 WALL_FOLLOW, CIRCUIT, PARKING = 0, 1, 2
 ROUNDTRIP, OBSTACLES, PARK = 0, 1, 2
+FLOWS, LEAD_BRAKES, CUTS_IN, MERGES = 0, 1, 2, 3
 # Cost of a second on a circuit at most: twice that of standing still.
 LARGEST_CIRCUIT_COST = 2.0
 NO_AUTORESET, NEXT_STEP, SAME_STEP = 0, 1, 2
@@ -396,3 +415,35 @@ DRIVE_OUTCOME_ROWS = 20
 
 # start: (rows, n) float64; NaN means drawn by the episode's key
 START_ROWS = 4  # lateral error, heading error, arc length, road index
+
+# traffic: (T_ROWS, cars) float64, behind one another in the road's coordinates
+T_X = 0  # of the middle, along the road, m
+T_Y = 1  # from the middle of lane 0, left positive, m
+T_HEADING = 2  # from the road's, rad
+T_SPEED = 3  # m/s
+T_LANE = 4  # number of the nearest lane, 0 for the right-most
+T_TARGET = 5  # of the lane that it goes to
+T_TIMER = 6  # since the last decision about lanes, s
+T_WISH = 7  # speed on a free road, m/s
+T_EXPONENT = 8  # of IDM
+T_CRASHED = 9  # 1 after a contact among them
+T_PUSHED = 10  # 1 where a contact pushes in the next step, by ...
+T_PUSH_X = 11  # ... m
+T_PUSH_Y = 12
+T_STEER = 13  # wheel angle, rad
+T_PULL = 14  # acceleration, m/s²
+T_COSINE = 15  # of the heading
+T_SINE = 16
+# ... and what some of them are told:
+T_BRAKES_AT = 17  # s of the episode, ...
+T_BRAKES_UNTIL = 18
+T_BRAKE = 19  # m/s²
+T_CUTS_IN = 20  # gap at which it goes to the lane of the car behind it, m; 0 for never
+T_ROWS = 21
+# and their road:
+T_LANES = 0
+T_LANE_WIDTH = 1  # m
+T_SPEED_LIMIT = 2  # m/s
+T_FIRST_LANE = 3  # right-most lane that they change to
+T_GRIP = 4  # largest acceleration that the road allows, m/s²
+T_ROAD_SIZE = 5

@@ -17,6 +17,7 @@ from lanekeep_env.scenario import (
     ParallelParkScenario,
     ReversePathScenario,
     RoadWorksScenario,
+    TrafficScenario,
     TurnOffScenario,
     WallFollowScenario,
 )
@@ -49,6 +50,7 @@ ENVIRONMENTS: dict[str, Row] = {
     "lanekeep/Evasive-v0": Row(EvasiveScenario, "lanekeep_env.envs.evasive:EvasiveEnv"),
     "lanekeep/ReversePath-v0": Row(ReversePathScenario, "lanekeep_env.envs.evasive:ReversePathEnv"),
     "lanekeep/Drive-v0": Row(DriveScenario, "lanekeep_env.envs.drive:DriveEnv"),
+    "lanekeep/Traffic-v0": Row(TrafficScenario, "lanekeep_env.envs.traffic:TrafficEnv"),
     "lanekeep/WallFollow-v0": Row(WallFollowScenario, "lanekeep_env.envs.wall_follow:WallFollowEnv"),
     "lanekeep/Circuit-v0": Row(CircuitScenario, "lanekeep_env.envs.wall_follow:CircuitEnv"),
     "lanekeep/ObstacleCircuit-v0": Row(ObstacleCircuitScenario, "lanekeep_env.envs.course:ObstacleCircuitEnv"),

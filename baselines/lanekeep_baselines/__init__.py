@@ -47,6 +47,7 @@ _POLICIES = {
     "werling-reverse": "werling:WerlingReverse",
     "werling-reverse-ahead": "werling:WerlingReverseAhead",
     "werling-drive": "werling_multi:WerlingDrive",
+    "werling-traffic": "werling_traffic:WerlingTraffic",
     "yin-lqr": "yin:YinLqr",
     "yin-lqr-observer-printed": "yin:YinLqrObserverPrinted",
     "yin-lqr-observer": "yin:YinLqrObserver",

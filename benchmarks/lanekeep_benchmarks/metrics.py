@@ -100,6 +100,7 @@ _POSE = ("space_share", "kerb_distance", "end_heading_error")
 #: The metrics of a task, where its scenario names none; of those, what its truth (`info`) does not tell is left out.
 _OF_TASK = {
     "lanekeep/Drive-v0": (*_ERRORS, *_SPEED, *_TRAFFIC, *_COMFORT, "time", "return"),
+    "lanekeep/Traffic-v0": (*_ERRORS, *_SPEED, *_TRAFFIC, *_COMFORT, "time", "return"),
     "lanekeep/LaneSupport-v0": (*_ERRORS, "interventions", *_COMFORT, "time", "return"),
     "lanekeep/WallFollow-v0": (*_ERRORS, "smallest_clearance", *_COMFORT, "time", "return"),
     "lanekeep/Circuit-v0": _LAP,

@@ -27,8 +27,10 @@ ENV_ID = "lanekeep/LaneKeep-v0"
 CARS = 1024
 #: A shipped policy, whose actions are counted beside the steps of its own cars.
 POLICY = "ppo-lane-keep-seed0"
+#: Rows of the environment among traffic, and what it shares with `highway-v0` as that is by default.
+ROWS, NEIGHBOURS = 256, {"flow": {"cars": 50}, "lanes": 4}
 #: Calls of `step` in one quick round; a full round has four times as many.
-STEPS = {"single": 10_000, "highway": 100, "vector": 100}
+STEPS = {"single": 10_000, "highway": 100, "vector": 100, "traffic": 4}
 #: Further environments as a single one: task, what is special in words and in keywords.
 OTHERS: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("TurnOff", "", {}),
@@ -73,9 +75,9 @@ def _single(env_id: str, steps: int, **keywords: Any) -> Callable[[], int]:
     return run
 
 
-def _vector(env_id: str, steps: int, **keywords: Any) -> Callable[[], int]:
-    """1,024 cars of the environment's own vector entry point, random actions drawn beforehand, autoreset included."""
-    env = gym.make_vec(env_id, num_envs=CARS, vectorization_mode="vector_entry_point", **keywords)
+def _vector(env_id: str, steps: int, cars: int = CARS, **keywords: Any) -> Callable[[], int]:
+    """Cars of the environment's own vector entry point, random actions drawn beforehand, autoreset included."""
+    env = gym.make_vec(env_id, num_envs=cars, vectorization_mode="vector_entry_point", **keywords)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(64)]
     env.reset(seed=0)
@@ -83,7 +85,7 @@ def _vector(env_id: str, steps: int, **keywords: Any) -> Callable[[], int]:
     def run() -> int:
         for i in range(steps):
             env.step(actions[i % 64])
-        return steps * CARS
+        return steps * cars
 
     return run
 
@@ -121,6 +123,7 @@ def contenders(quick: bool, notes: list[str]) -> list[Contender]:
 
         gym.register_envs(highway_env)
         found.append(Contender("highway-env lane-keeping-v0", _single("lane-keeping-v0", STEPS["highway"] * scale)))
+        found += traffic_contenders(scale)
     threads = [count for count in (1, 2) if count <= (os.cpu_count() or 1)]
     for dtype in ("float64", "float32"):
         for count in threads:
@@ -137,6 +140,19 @@ def contenders(quick: bool, notes: list[str]) -> list[Contender]:
         found.append(Contender(f"{POLICY} for {CARS} cars", run))
     found.append(Contender(f"CartPole-v1 {CARS} cars", _vector("CartPole-v1", STEPS["vector"] * scale)))
     return found
+
+
+def traffic_contenders(scale: int = 1) -> list[Contender]:
+    """One car and `ROWS` among as many neighbours as `highway-v0` has, and that as it is."""
+    steps = STEPS["traffic"] * scale
+    return [
+        Contender("highway-env highway-v0, 50 others", _single("highway-v0", steps)),
+        Contender("lanekeep Traffic, 50 others", _single("lanekeep/Traffic-v0", 500 * steps, **NEIGHBOURS)),
+        Contender(
+            f"lanekeep Traffic {ROWS} cars, 50 others each",
+            _vector("lanekeep/Traffic-v0", 5 * steps, ROWS, **NEIGHBOURS),
+        ),
+    ]
 
 
 def measure_rates(quick: bool = False, report: Callable[[str], None] = lambda text: None) -> Speeds:
@@ -156,15 +172,20 @@ def measure_rates(quick: bool = False, report: Callable[[str], None] = lambda te
             steps = contender.run()
             found[contender.name] = steps / (time.perf_counter() - start)
         rounds.append(found)
-    names = [contender.name for contender in field_of_contenders]
+    compare(speeds, [contender.name for contender in field_of_contenders], rounds)
+    return speeds
+
+
+def compare(speeds: Speeds, names: list[str], rounds: list[dict[str, float]]) -> None:
+    """Fill in medians of the rates and of the ratios within a round; traffic is compared with traffic."""
     speeds.rates = {name: median(found[name] for found in rounds) for name in names}
     single = [name for name in names if "cars" not in name]
     for name in names:
         if name.startswith("lanekeep"):
             others = [other for other in names if not other.startswith("lanekeep")]
+            others = [other for other in others if ("highway-v0" in other) == ("Traffic" in name)]
             rivals = [other for other in others if (other in single) == (name in single) or "highway" in other]
             speeds.ratios[name] = {other: median(found[name] / found[other] for found in rounds) for other in rivals}
-    return speeds
 
 
 _IMPORT = "import time; t = time.perf_counter(); import lanekeep_env; print(time.perf_counter() - t)"

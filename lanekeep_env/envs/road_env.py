@@ -106,8 +106,19 @@ class Driving(OnRoads):
         return DriveCars(*arguments)
 
 
+class AmongTraffic(Driving):
+    """What environments among other cars share."""
+
+    @staticmethod
+    def make_cars(*arguments: Any) -> Any:
+        """Return the kernel's arrays; the arguments are those of `Cars`."""
+        from lanekeep_env.families.road.traffic_cars import TrafficCars
+
+        return TrafficCars(*arguments)
+
+
 class PoweredEnv(Driving, SingleEnv):
-    """One car with pedals."""
+    """One car with pedals; subclasses name the task's scenario, and are its page of documentation."""
 
     def _info(self, told: list[float]) -> dict[str, Any]:
         # As `SingleEnv` has it, written out: a loop over `further` costs 4 % of a step.

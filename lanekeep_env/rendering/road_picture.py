@@ -11,6 +11,8 @@ import numpy as np
 
 from lanekeep_env.roads import Road
 from lanekeep_env.scenario import CameraLaneScenario, RoadScenario
+from lanekeep_env.traffic.follow import LENGTH
+from lanekeep_env.traffic.follow import WIDTH as WIDE
 
 WIDTH, HEIGHT = 800, 460
 #: Drawn at twice the size and scaled down, which smooths all edges.
@@ -33,6 +35,7 @@ _INK, _FAINT, _PAPER, _ALARM = (45, 48, 53), (150, 155, 160), (252, 252, 252), (
 class Pose:
     """What a picture needs of a car: road and place on it (m, rad), steering (rad), speed (m/s), time (s).
 
+    ``others``: place and heading of cars around, (cars, 3); ``lane``: number of the lane that errors are those in.
     ``edge``: distance of the road's edge that a camera sees, m; None where it sees none, or there is no camera.
     ``lead_gap``, ``stop_gap``: way along the road to the car ahead and to the stop point, m, negative behind; None
     without. ``failure``: what ended the episode, if it was no departure. ``backwards``: whether reverse is engaged.
@@ -51,6 +54,8 @@ class Pose:
     stop_gap: float | None = None
     failure: str | None = None
     backwards: bool = False
+    others: np.ndarray | None = None
+    lane: int = 0
 
 
 class RoadPicture:
@@ -84,7 +89,7 @@ class RoadPicture:
         if self._trace and pose.time < self._trace[-1][0]:
             self.forget()
         self._driven.append(pose.road.position(pose.s, pose.d))
-        self._trace.append((pose.time, pose.d))
+        self._trace.append((pose.time, self._error(pose)))
         self._sheet.fill(_PAPER)
         self._view(pose)
         self._plot(pose)
@@ -111,8 +116,7 @@ class RoadPicture:
         s = np.arange(
             first if pose.road.closed else max(first, 0.0), pose.s + self._ahead + 8.0, self._scenario.view / 100
         )
-        half = self._scenario.lane_width / 2
-        left, right = pose.road.position(s, half), pose.road.position(s, -half)
+        left, right = (pose.road.position(s, edge) for edge in reversed(self._scenario.edges))
         pg.draw.polygon(sheet, _ASPHALT, screen(np.vstack([left, right[::-1]])))
         marked = pose.road.is_marked(s)
         runs = np.split(np.arange(len(s)), np.flatnonzero(np.diff(marked)) + 1)
@@ -123,8 +127,9 @@ class RoadPicture:
                     pg.draw.lines(sheet, _EDGE, False, edge[run[0] : run[-1] + 1], 3 * SCALE)
         # Dots, not dashes: it is the middle of a lane, and nobody's mark between two of them.
         dots = np.arange(math.ceil(s[0] / _DOTS) * _DOTS, s[-1], _DOTS)
-        for dot in screen(pose.road.position(dots)):
-            pg.draw.circle(sheet, _CENTRE, dot, SCALE)
+        for middle in np.arange(0.0, self._scenario.edges[1], self._scenario.lane_width):
+            for dot in screen(pose.road.position(dots, middle)):
+                pg.draw.circle(sheet, _CENTRE, dot, SCALE)
         if len(self._driven) > 1:
             pg.draw.lines(sheet, _PATH, False, screen(np.array(self._driven)), 2 * SCALE)
         self._traffic(pose, screen)
@@ -179,6 +184,15 @@ class RoadPicture:
             far = near + (-car.length if pose.backwards else car.length)
             body = [pose.road.position(s, side * half) for s, side in ((near, 1), (far, 1), (far, -1), (near, -1))]
             pg.draw.polygon(self._sheet, _LEAD, screen(np.array(body)))
+
+        for s, y, turned in () if pose.others is None else pose.others:
+            course = float(pose.road.heading(s)) + turned
+            axes = np.array([[math.cos(course), math.sin(course)], [-math.sin(course), math.cos(course)]])
+            corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * (LENGTH / 2, WIDE / 2)
+            pg.draw.polygon(self._sheet, _LEAD, screen(pose.road.position(s, y) + corners @ axes))
+
+    def _error(self, pose: Pose) -> float:
+        return pose.d - pose.lane * self._scenario.lane_width
 
     def _camera(self, pose: Pose, scenario: CameraLaneScenario, screen: Any) -> None:
         """Draw the look-ahead point, and the line from there to the edge where the camera sees it."""
@@ -235,7 +249,7 @@ class RoadPicture:
     def _numbers(self, pose: Pose) -> None:
         x, y = 680 * SCALE, (VIEW_HEIGHT + 34) * SCALE
         self._text(f"{3.6 * pose.speed:.0f} km/h", 34, _INK, (x, y), "topleft")
-        self._text(f"error {pose.d:+.2f} m", 24, _INK, (x, y + 40 * SCALE), "topleft")
+        self._text(f"error {self._error(pose):+.2f} m", 24, _INK, (x, y + 40 * SCALE), "topleft")
         self._text(f"time {pose.time:.1f} s", 24, _INK, (x, y + 66 * SCALE), "topleft")
         if pose.edge is None and isinstance(self._scenario, CameraLaneScenario):
             self._text("no edge in sight", 24, _ALARM, (12 * SCALE, 12 * SCALE), "topleft")

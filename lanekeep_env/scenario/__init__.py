@@ -6,6 +6,7 @@ from lanekeep_env.scenario.course import CourseScenario, ObstacleCircuitScenario
 from lanekeep_env.scenario.drive import DriveScenario
 from lanekeep_env.scenario.driver import Driver
 from lanekeep_env.scenario.evasive import EvasiveScenario, ReversePathScenario
+from lanekeep_env.scenario.flow import Flow, TrafficScenario
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario, RoadWorksScenario
 from lanekeep_env.scenario.road import RoadScenario
 from lanekeep_env.scenario.scan import Scan
@@ -24,6 +25,7 @@ __all__ = [
     "DriveScenario",
     "Driver",
     "EvasiveScenario",
+    "Flow",
     "LaneKeepScenario",
     "LaneSupportScenario",
     "ObstacleCircuitScenario",
@@ -34,6 +36,7 @@ __all__ = [
     "Scan",
     "Servo",
     "Traffic",
+    "TrafficScenario",
     "TurnOffScenario",
     "WallFollowScenario",
 ]

@@ -79,6 +79,11 @@ class RoadScenario(CarScenario):
         """Lateral error beyond which the car has left its lane, m."""
         return self.lane_width / 2
 
+    @property
+    def edges(self) -> tuple[float, float]:
+        """Right and left edge of the road, m left of its line."""
+        return -self.lane_width / 2, self.lane_width / 2
+
     @cached_property
     def integration(self) -> Integration:
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""

@@ -27,6 +27,7 @@ from lanekeep_env.scenario import (
     ObstacleCircuitScenario,
     ParallelParkScenario,
     ReversePathScenario,
+    TrafficScenario,
     WallFollowScenario,
 )
 
@@ -101,7 +102,7 @@ EVERY = (LaneKeepScenario(preview=11), LATE, WALLS, CircuitScenario(), EvasiveSc
 COURSES = (ObstacleCircuitScenario(), ParallelParkScenario(observation="full"))
 SCENARIOS = {
     n: scenario
-    for scenario in (*EVERY, *COURSES, DriveScenario(), LaneSupportScenario())
+    for scenario in (*EVERY, *COURSES, DriveScenario(), TrafficScenario(), LaneSupportScenario())
     for n in lanekeep_baselines.names(scenario)
 }
 #: Fields that every policy may read.
@@ -187,6 +188,7 @@ TOLD = [
     ("EvasiveScenario", {}),
     ("ReversePathScenario", {}),
     ("DriveScenario", {}),
+    ("TrafficScenario", {}),
 ]
 
 

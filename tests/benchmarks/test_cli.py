@@ -296,7 +296,7 @@ class TestSpeed:
 
     @pytest.fixture(autouse=True)
     def short(self, monkeypatch):
-        monkeypatch.setattr(speed_module, "STEPS", {"single": 300, "highway": 5, "vector": 3})
+        monkeypatch.setattr(speed_module, "STEPS", {"single": 300, "highway": 5, "vector": 3, "traffic": 1})
 
     def test_rates_ratios_and_start_up_times(self, capsys, monkeypatch):
         monkeypatch.delitem(speed_module.MAKERS, "vector")  # each cold start compiles for seconds
@@ -305,6 +305,7 @@ class TestSpeed:
         rates = found["rates_env_steps_per_s"]
         assert all(rate > 0 for rate in rates.values())
         assert "CartPole-v1" in found["ratios"]["lanekeep"]
+        assert list(found["ratios"]["lanekeep Traffic, 50 others"]) == ["highway-env highway-v0, 50 others"]
         assert set(found["start_up_s"]) == {
             "import",
             "first step, single, cold",

@@ -41,6 +41,7 @@ SCENARIOS = {
     "TurnOff": [{"speed": {**CONSTANT, "hold": None}}],
     "ReversePath": [*ROAD[1:], {"speed": {**CONSTANT, "hold": None}}, {"road": "random"}],
     "Drive": [ROAD[1], {"traffic": [(0.0, "speed", 8.0)]}, {"powertrain": {"creep": 0.0}}],
+    "Traffic": [ROAD[1], {"powertrain": {"creep": 0.0}}],
     "WallFollow": [*WALLS, {"contact": "cost"}, {"speed": {**CONSTANT, "hold": None}}],
     "Circuit": [*WALLS, {"vehicle": {"base": "pses", "steering": {"lag": 0.05}}}],
     "ObstacleCircuit": [WALLS[0]],

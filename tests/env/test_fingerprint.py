@@ -20,6 +20,7 @@ from lanekeep_env.families.road.drive_kernel import DRIVING
 from lanekeep_env.families.road.guided import GUIDED
 from lanekeep_env.families.road.kernel import ON_ROADS
 from lanekeep_env.families.road.support import WITH_DRIVER
+from lanekeep_env.families.road.traffic_kernel import AMONG_TRAFFIC
 from lanekeep_env.families.wall.course import ON_COURSES
 from lanekeep_env.families.wall.kernel import BETWEEN_WALLS
 from lanekeep_env.fingerprint import COMPILED_WITH, fingerprint
@@ -28,7 +29,7 @@ from lanekeep_env.physics import models, numeric
 from lanekeep_env.physics.integrate import DRIVEN, PACED, PROFILE
 
 PACKAGE = Path(lanekeep_env.__file__).parent
-DECORATORS = {"inline", "helper", "kernel"}
+DECORATORS = {"inline", "inline_as_written", "helper", "helper_as_written", "kernel"}
 
 
 def modules():
@@ -52,14 +53,15 @@ KERNELS = [
 ]
 MODELS = [model for model in vars(models).values() if isinstance(model, models.CarModel)]
 KERNELS += [made for model in MODELS if model.pace != DRIVEN for made in step_kernels(model, ON_ROADS, 1)]
-KERNELS += step_kernels(models.POWERED, DRIVING, 2)
+KERNELS += [made for family in (DRIVING, AMONG_TRAFFIC) for made in step_kernels(models.POWERED, family, 2)]
 KERNELS += [
     made for model in MODELS if model.pace == PACED for n in (1, 2) for made in step_kernels(model, BETWEEN_WALLS, n)
 ]
 KERNELS += [made for model in MODELS if model.pace == PACED for made in step_kernels(model, ON_COURSES, 2)]
 KERNELS += [made for model in MODELS if model.pace == PROFILE for made in step_kernels(model, WITH_DRIVER, 2)]
 KERNELS += step_kernels(models.FRONT_DRIVEN, GUIDED, 1)
-KERNELS += [reset_kernel(family) for family in (ON_ROADS, DRIVING, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)]
+FAMILIES = (ON_ROADS, DRIVING, AMONG_TRAFFIC, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)
+KERNELS += [reset_kernel(family) for family in FAMILIES]
 
 
 def fingerprints():
@@ -174,6 +176,7 @@ from lanekeep_env.families.road.drive_kernel import DRIVING
 from lanekeep_env.families.road.guided import GUIDED
 from lanekeep_env.families.road.kernel import ON_ROADS
 from lanekeep_env.families.road.support import WITH_DRIVER
+from lanekeep_env.families.road.traffic_kernel import AMONG_TRAFFIC
 from lanekeep_env.families.wall.course import ON_COURSES
 from lanekeep_env.families.wall.kernel import BETWEEN_WALLS
 from lanekeep_env.fingerprint import fingerprint
@@ -187,6 +190,8 @@ for name in sorted(sys.modules):
 for model in [model for model in vars(models).values() if isinstance(model, models.CarModel)]:
     powered = model.pace == models.DRIVEN
     made = list(step_kernels(model, DRIVING if powered else ON_ROADS, 2 if powered else 1))
+    if powered:
+        made += step_kernels(model, AMONG_TRAFFIC, 2)
     if model.pace == models.PACED:
         made += [*step_kernels(model, BETWEEN_WALLS, 1), *step_kernels(model, BETWEEN_WALLS, 2)]
         made += step_kernels(model, ON_COURSES, 2)
@@ -196,7 +201,7 @@ for model in [model for model in vars(models).values() if isinstance(model, mode
         made += step_kernels(model, GUIDED, 1)
     for value in made:
         print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
-for value in map(reset_kernel, (ON_ROADS, DRIVING, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)):
+for value in map(reset_kernel, (ON_ROADS, DRIVING, AMONG_TRAFFIC, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)):
     print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
 """
 
@@ -231,7 +236,7 @@ HASHED = {Path(module.__file__).relative_to(PACKAGE).as_posix() for module in MO
 CHANGED = {
     "comments, docstrings, formatting": lambda name: False,
     "what no kernel reads": lambda name: False,
-    "gravity": lambda name: "env.walls." not in name,
+    "gravity": lambda name: "env.walls." not in name and "env.traffic." not in name,
     "a tyre": lambda name: "magic_formula" in name or "powered" in name,
 }
 

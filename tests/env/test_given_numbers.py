@@ -99,7 +99,7 @@ def test_states_of_drives_are_taken_and_others_refused(env_id, dtype):
         cars.set_state(cars.get_state())
         env.step(rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32))
     good, refused = cars.get_state(), 0
-    driven = isinstance(cars.scenario, lanekeep_env.DriveScenario)
+    driven = isinstance(cars.scenario, lanekeep_env.DriveScenario | lanekeep_env.TrafficScenario)
     values = [np.nan, np.inf, -np.inf, -1.0, 1e4, 1e9, 1e30, -1e30, 0.5]
     for _ in range(200):
         state = {name: array.copy() for name, array in good.items()}

@@ -29,6 +29,7 @@ from lanekeep_env.scenario import (
     ObstacleCircuitScenario,
     ParallelParkScenario,
     ReversePathScenario,
+    TrafficScenario,
     WallFollowScenario,
 )
 
@@ -168,6 +169,14 @@ DRIVING = {
     "reference_speed_error": [1.0],
     "friction_circle": [False],
 }
+AMONG_OTHERS = {
+    **{key: value for key, value in DRIVING.items() if key != "traffic"},
+    "road": ["yin", {"kind": "circle", "radius": 400.0}],
+    "lane_width": [3.5],
+    "lanes": [2, 4],
+    "flow": ["braking_lead", "cut_in", {"situation": "merging", "cars": 8, "spacing": 60.0, "speeds": (15.0, 20.0)}],
+    "set_speed": [20.0, (15.0, 35.0)],
+}
 IN_A_CIRCUIT = {
     **BETWEEN_WALLS,
     **{key: [] for key in ("speed", "set_distance", "side_sensor", "reference_lateral_error")},  # have no effect
@@ -213,6 +222,7 @@ TABLES = {
     EvasiveScenario: EVASIVE,
     ReversePathScenario: BACKING_UP,
     DriveScenario: DRIVING,
+    TrafficScenario: AMONG_OTHERS,
 }
 OPTIONS = {
     env_id: next((TABLES[base] for base in row.scenario.__mro__ if base in TABLES), {})

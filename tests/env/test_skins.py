@@ -13,6 +13,7 @@ ID = "lanekeep/LaneKeep-v0"
 CAMERA, TURN_OFF = "lanekeep/CameraLane-v0", "lanekeep/TurnOff-v0"
 WALL, CIRCUIT = "lanekeep/WallFollow-v0", "lanekeep/Circuit-v0"
 EVASIVE, REVERSE, DRIVE = "lanekeep/Evasive-v0", "lanekeep/ReversePath-v0", "lanekeep/Drive-v0"
+TRAFFIC = "lanekeep/Traffic-v0"
 CLOSE = [(0, "speed", 8), (0.2, "lead", 3, 4.0), (0.9, "lead_gone"), (1.0, "stop", 12.0), (1.1, "stop_gone")]
 NARROW = {"kind": "random-circuits", "count": 5, "widest": 1.5, "glass_share": 0.3}
 FAULTY_SCAN = {"beams": 23, "noise": 0.01, "missing_every": 7, "missing_rim": 1, "jump_errors": 0.5, "period": 0.09}
@@ -41,11 +42,14 @@ VARIANTS = [
     (DRIVE, {}),
     (DRIVE, {"traffic": CLOSE, "randomisation": "stress", "sensors": "poor", "observation": "full", "preview": 2}),
     (DRIVE, {"traffic": CLOSE, "departure": "cost", "vehicle": {"steering": {"lag": 0.1, "delay": 0.07}}}),
+    (TRAFFIC, {"flow": {"cars": 9, "spacing": 25.0}, "departure": "cost"}),
+    (TRAFFIC, {"flow": "cut_in", "randomisation": "stress", "sensors": "poor", "lanes": 2}),
 ]
 #: Ids whose vector form is compared over numbers of cars and threads.
 MANY = [(ID, {}), (CAMERA, {"road": YARD, "sensors": "poor", "speed": {"hold": 0.4}})]
 MANY += [(CIRCUIT, {"world": NARROW, "sensors": "poor", "scan": FAULTY_SCAN, "encoder_ticks": 8})]
 MANY += [(DRIVE, {"traffic": CLOSE, "randomisation": "stress", "sensors": "poor"})]
+MANY += [(TRAFFIC, {"flow": {"cars": 6, "spacing": 20.0, "situation": "braking_lead"}, "randomisation": "stress"})]
 
 
 def gentle(rng, steps, env, spread=0.15):

@@ -25,6 +25,7 @@ TOGETHER: dict[str, tuple[dict[str, Any], ...]] = {
             "wind": (-5.0, 10.0),
         },
     ),
+    "Traffic": ({"flow": {"cars": 6, "spacing": 20.0, "situation": "cut_in"}, "lanes": 2},),
     "LaneKeep": (
         {"dynamics": "kinematic", "preview": 4},
         {"tyre": "magic_formula", "preview": 4, "observation": "full"},

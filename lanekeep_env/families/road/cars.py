@@ -74,7 +74,7 @@ class RoadCars(Cars):
     def __init__(self, scenario: RoadScenario, *arguments: Any) -> None:
         roads = [road for road, _ in road_set(scenario.road, scenario.speed)]
         for road in roads:
-            road.check_lane(scenario.lane_width / 2)
+            road.check_lane(max(map(abs, scenario.edges)))
         self._shortest = min(road.length for road in roads)
         super().__init__(scenario, *arguments)
         self._bind()
@@ -89,7 +89,7 @@ class RoadCars(Cars):
         self.equipment = self.sensors, self._gear(), s.integration.lowered_floor, self._camera(), *self._drive()
         self._bind_kernels()
 
-    def _drive(self) -> tuple[np.ndarray | None, np.ndarray | None]:
+    def _drive(self) -> tuple[np.ndarray | None, ...]:
         """Numbers of the powertrain and the timelines, None without a powertrain."""
         return None, None
 

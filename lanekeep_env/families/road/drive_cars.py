@@ -13,7 +13,7 @@ from lanekeep_env.rendering.road_picture import Pose
 from lanekeep_env.tasks.termination import Termination
 
 #: What pictures call them.
-_FAILURES: dict[int, str] = {Termination.CONTACT: "met the car ahead", Termination.STOP_PASSED: "passed the stop point"}
+_FAILURES: dict[int, str] = {Termination.CONTACT: "met another car", Termination.STOP_PASSED: "passed the stop point"}
 
 
 class DriveCars(RoadCars):
@@ -21,7 +21,7 @@ class DriveCars(RoadCars):
 
     family = DRIVING
 
-    def _drive(self) -> tuple[np.ndarray | None, np.ndarray | None]:
+    def _drive(self) -> tuple[np.ndarray | None, ...]:
         s = self.scenario
         return s.powertrain.numbers(s.integration.step).astype(self.dtype), s.traffic.build()
 

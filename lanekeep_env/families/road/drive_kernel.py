@@ -19,7 +19,7 @@ _DRIVE, _TIMELINES = 4, 5
 
 
 @helper
-def _begin(k, cars, counters, settings, equipment):
+def begin(k, cars, counters, settings, equipment):
     """What a control step begins with: the events that are due, no way driven."""
     timelines, first, block = equipment[_TIMELINES], k * cars.shape[2], cars[k]
     counted, n = counters[:, first:], cars_in(k, cars, counters)
@@ -36,7 +36,7 @@ def _begin(k, cars, counters, settings, equipment):
 
 
 @helper
-def _before_substep(k, cars, counters, settings, equipment):
+def before_substep(k, cars, counters, settings, equipment):
     pull(cars_in(k, cars, counters), cars[k], settings, equipment[_DRIVE])
 
 
@@ -55,26 +55,34 @@ def _charge_speed(n, begin, block, settings, outcome):
 
 
 @helper
-def _end(n, block, counted, road, settings, equipment, outcome):
-    """Let a car ahead that is met, or a stop point that is passed, end the episode, and say if it was avoidable."""
+def _find_avoidable(n, block, counted, road, settings, equipment):
+    """Say of the endings that are new whether they were avoidable."""
+    zero = like(block[0, 0], 0.0)
+    for i in range(n):
+        end = block[at.ENDING, i]
+        if end > zero and block[at.AVOIDABLE, i] > zero:
+            row = at.LEAD_SIGHT if end == like(end, CONTACT) else at.STOP_SIGHT
+            timeline = equipment[_TIMELINES][counted[at.TIMELINE, i]]
+            block[at.AVOIDABLE, i] = avoided(i, row, block, timeline, road, settings, equipment[_DRIVE])
+
+
+@helper
+def end(n, block, settings, outcome):
+    """Let a car that is met, or a stop point that is passed, end the episode."""
     reward_, terminated_, cost_ = outcome[at.O_REWARD], outcome[at.O_TERMINATED], outcome[at.O_COST]
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     worst, horizon = settings[at.COST_CAP] * seconds, settings[at.HORIZON]
     ends = settings[at.DEPARTURE] == at.TERMINATE
     zero, one = like(seconds, 0.0), like(seconds, 1.0)
     for i in range(n):
-        end = block[at.ENDING, i]
-        if end > zero:
-            if block[at.AVOIDABLE, i] > zero:
-                row = at.LEAD_SIGHT if end == like(seconds, CONTACT) else at.STOP_SIGHT
-                timeline = equipment[_TIMELINES][counted[at.TIMELINE, i]]
-                block[at.AVOIDABLE, i] = avoided(i, row, block, timeline, road, settings, equipment[_DRIVE])
-            block[at.FAILED, i] = end
+        ending = block[at.ENDING, i]
+        if ending > zero:
+            block[at.FAILED, i] = ending
             block[at.DEPARTED, i] = one
             cost_[i] = one
             left = horizon - block[at.STEP, i]
             reward_[i] = -worst * (one + (left if left > zero else zero) if ends else one)
-            terminated_[i] = end if ends else zero
+            terminated_[i] = ending if ends else zero
 
 
 @helper
@@ -82,15 +90,16 @@ def _judge(k, cars, counters, world, settings, equipment, outcome):
     first = k * cars.shape[2]
     n = cars_in(k, cars, counters)
     block, told = cars[k], outcome[:, first : first + n]
-    judge_lane(n, block, settings, told)
+    judge_lane(n, at.LATERAL, block, settings, told)
     endings = move_on(n, settings[at.STEP_TIME] * settings[at.SUBSTEPS], block)
     _charge_speed(n, first, block, settings, outcome)
     if endings > 0:
-        _end(n, block, counters[:, first:], world[0], settings, equipment, told)
+        _find_avoidable(n, block, counters[:, first:], world[0], settings, equipment)
+        end(n, block, settings, told)
 
 
 @helper
-def _report(k, first, last, cars, settings, outcome):
+def report_drive(k, first, last, cars, settings, outcome):
     """Copy the truth that a state decides, with gaps, errors and jerk."""
     report(k, first, last, cars, settings, outcome)
     # Whole rows, whose numbers lie side by side: those of a part of the columns make no SIMD code.
@@ -128,8 +137,8 @@ DRIVING = replace(
     ON_ROADS,
     name="driving",
     outcome_rows=at.DRIVE_OUTCOME_ROWS,
-    begin=_begin,
-    before_substep=_before_substep,
+    begin=begin,
+    before_substep=before_substep,
     judge=_judge,
-    report=_report,
+    report=report_drive,
 )

@@ -131,8 +131,9 @@ def start_drive(i, key, block, counted, settings, drive, timelines):
     The car starts at the speed that is set at first, in a gear that suits it.
     """
     if timelines is not None:
-        which = np.int64(uniform(key, DRAW_TIMELINE) * timelines.shape[0])
-        counted[at.TIMELINE, i] = which
+        if settings[at.LANES] == 0.0:  # among traffic each car has its own
+            counted[at.TIMELINE, i] = np.int64(uniform(key, DRAW_TIMELINE) * timelines.shape[0])
+        which = counted[at.TIMELINE, i]
         for row in _AT_REST:
             block[row, i] = like(settings[0], 0.0)
         block[at.STEP, i] = like(settings[0], 0.0)  # the time of the first events
