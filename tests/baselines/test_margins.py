@@ -117,8 +117,8 @@ def test_preview_has_the_margins_that_were_read_elsewhere(speed: float, monkeypa
 
 
 FULL_SIZE = ("yin", "passat", "commonroad-1", "commonroad-2", "commonroad-3")
-#: Ms that a design keeps below on all of `FULL_SIZE` from 1 to 50 m/s, without and with 50 ms of steering delay. 2 is the
-#: usual bound; what is above it is no more than told here.
+#: Ms that a design keeps below on all of `FULL_SIZE` from 1 to 50 m/s, without and with 50 ms of steering delay. The
+#: usual bound is 2; what is above it is no more than told here.
 GATES = {
     "yin-lqr": (2.0, 2.5),
     "yin-lqr-feedforward": (2.0, 2.5),
