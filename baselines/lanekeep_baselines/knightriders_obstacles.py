@@ -32,6 +32,8 @@ class KnightRidersObstacles(KnightRidersCircuit):
 
     name = "knightriders-obstacles"
     needs = (Need("a course", _no_course),)
+    #: A box may look like the end of a wall: against the way round that was driven no votes count.
+    DRIVEN = 1e3
 
     def __init__(self, scenario: ObstacleDrive, *, free_space: bool = True) -> None:
         super().__init__(scenario, free_space=free_space)

@@ -35,6 +35,8 @@ class LocalMap:
     #: An echo ahead is of something that the scan shows if that is not this much farther, m, and of a side wall if it
     #: is not below this share of that one's expected echo.
     SHOWN, SIDE_SHARE = 0.35, 0.75
+    #: A kept point so far beside the cone is of something that reaches into it, m.
+    BESIDE: ClassVar[float] = 0.15
     #: Share of the cone's beams that show nothing from which on there may be glass.
     OPEN: ClassVar[float] = 0.15
     #: Directions in which it is put, rad; places ahead of the side sensor to which a side wall goes on where the rim of
@@ -155,7 +157,8 @@ class LocalMap:
         shown = np.where(cone, ranges, np.inf).min(axis=0) <= echo + self.SHOWN
         # Of what it showed before, only what is too near for it now tells anything: the rest it would show still.
         depth = x - self._nose
-        kept = np.where((depth > 0.0) & (np.abs(y) <= (TANGENT + 0.02) * depth), np.hypot(depth, y), np.inf)
+        cone = np.abs(y) <= TANGENT * depth + self.BESIDE
+        kept = np.where((depth > 0.0) & cone, np.hypot(depth, y), np.inf)
         shown |= kept.min(axis=(0, 1)) <= np.minimum(echo + self.SHOWN, self._blind + 0.1)
         sides = [np.where(at[f"distance_{side}"] > 0.0, at[f"distance_{side}"], np.inf) for side in ("right", "left")]
         wall = np.minimum(*sides) / np.sin(HALF_CONE)
