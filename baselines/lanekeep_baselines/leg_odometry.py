@@ -74,10 +74,11 @@ class LegOdometer:
         """
         start = (0.0 * way, 0.0 * way, 0.0 * way, 0.0 * way, corridor)
         heading, along, from_right, from_left, corridor = np.where(fresh, start, memory.T)
+        heading = heading + turned
         # Walls tell the heading but for right angles.
         error = np.where(np.isnan(measured), heading, measured) - heading
         error = error - _RIGHT_ANGLE * np.round(error / _RIGHT_ANGLE)
-        heading = wrapped(heading + turned + np.where(np.abs(error) < self.WITHIN, self.GAIN * error, 0.0))
+        heading = wrapped(heading + np.where(np.abs(error) < self.WITHIN, self.GAIN * error, 0.0))
         along, across = along + way * np.cos(heading), way * np.sin(heading)
         from_right = np.maximum(from_right + across, 0.0)
         from_left = np.maximum(from_left - across, 0.0)

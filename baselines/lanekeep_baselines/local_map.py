@@ -43,6 +43,8 @@ class LocalMap:
     #: the scan shows nothing, m.
     ACROSS, GOES_ON = (-0.3, 0.0, 0.3), (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
 
+    #: Places of a side's wall beyond its echo, m.
+    UNSEEN = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
     #: Angle that is the rim, rad.
     RIM: ClassVar[float] = 0.1
 
@@ -50,6 +52,7 @@ class LocalMap:
         self._reader, self._nose, self._side = reader, nose, side_sensor
         # Nearer than the camera sees at all an echo is no sign of glass.
         self._blind = reader.nearest
+        self._view = float(np.tan(reader.angles[-1, 0]))
         self._rim = int(np.count_nonzero(reader.angles <= reader.angles[0] + self.RIM))
         self._per_place = self.SECTORS + self.ECHOES
         self._points = self.KEPT * self._per_place
@@ -92,8 +95,17 @@ class LocalMap:
         rest = np.stack([np.where(new, 0.0, since), np.where(new, 0.0, angle)])
         return np.concatenate([*kept, rest]).T, front
 
-    def points(self, at: Mapping[str, Floats], ranges: Floats, memory: Floats) -> tuple[Floats, Floats]:
-        """Return all points, x and y, m, (points, n): of the present step (as given to `update`) and kept ones."""
+    def points(
+        self, at: Mapping[str, Floats], ranges: Floats, memory: Floats, heading: Floats, ends: tuple[Floats, Floats]
+    ) -> tuple[Floats, Floats]:
+        """Return all points, x and y, m, (points, n): of the present step (as given to `update`) and kept ones.
+
+        Between the camera's rim and a side's cone nothing is seen: there the side's wall goes on, up to its end.
+
+        Args:
+            heading: from the side walls' direction, rad, (n,).
+            ends: of the right and the left wall, ahead of the side sensor, m, (n,).
+        """
         x, y = memory[:, :-2].T.reshape(2, self._points, -1)
         known = np.isfinite(ranges)
         far = np.where(known, ranges, NOWHERE)
@@ -108,6 +120,14 @@ class LocalMap:
             across.append(sign * echo[None] * np.cos(HALF_CONE))
             along.append(np.where(goes_on, self._side + further, NOWHERE))
             across.append(np.where(goes_on, sign * echo + 0.0 * further, NOWHERE))
+            end, turned = ends[sign > 0.0], sign * heading
+            foot = np.clip(turned, -HALF_CONE, HALF_CONE)
+            onwards = np.array(self.UNSEEN)[:, None]
+            x_, y_ = echo * np.sin(foot) + onwards * np.cos(turned), echo * np.cos(foot) - onwards * np.sin(turned)
+            seen = y_ < (self._side + x_ - self._nose) * self._view
+            unseen = (echo > 0.0) & ~seen & (x_ * np.cos(turned) <= end)
+            along.append(np.where(unseen, self._side + x_, NOWHERE))
+            across.append(np.where(unseen, sign * y_, NOWHERE))
         return np.concatenate(along), np.concatenate(across)
 
     def unseen(self, at: Mapping[str, Floats], ranges: Floats) -> Floats:

@@ -182,10 +182,11 @@ def speed(
 
     Example: lanekeep speed --quick --json
     """
-    from lanekeep_benchmarks.speed import measure_rates, measure_start_up, to_json
+    from lanekeep_benchmarks.speed import measure_courses, measure_rates, measure_start_up, to_json
 
     with console(stderr=True).status("measuring") as status:
         speeds = measure_rates(quick, status.update)
+        speeds.courses = measure_courses(quick, status.update)
         speeds.start_up = measure_start_up(status.update)
     if as_json:
         print(to_json(speeds))
@@ -199,6 +200,12 @@ def speed(
         ratios = speeds.ratios.get(name, {})
         table.add_row(name, f"{rate:,.0f}", *(f"{ratios[rival]:.2f}" if rival in ratios else "" for rival in rivals))
     there.print(table)
+    courses = Table(title="Times as fast as a circuit at the same scan, of CPU", title_justify="left")
+    courses.add_column("what")
+    courses.add_column("ratio", justify="right")
+    for name, ratio in speeds.courses.items():
+        courses.add_row(name, f"{ratio:.2f}")
+    there.print(courses)
     times = Table(title="Start-up in a fresh process", title_justify="left")
     times.add_column("what")
     times.add_column("seconds", justify="right")

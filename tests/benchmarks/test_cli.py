@@ -305,6 +305,8 @@ class TestSpeed:
         rates = found["rates_env_steps_per_s"]
         assert all(rate > 0 for rate in rates.values())
         assert "CartPole-v1" in found["ratios"]["lanekeep"]
+        courses = found["course_ratios"]
+        assert len(courses) == 4 and all(ratio > 0 for ratio in courses.values())
         assert set(found["start_up_s"]) == {
             "import",
             "first step, single, cold",
