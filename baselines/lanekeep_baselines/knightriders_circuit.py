@@ -35,7 +35,7 @@ from lanekeep_baselines.circuit_pilot import CircuitPilot
 from lanekeep_baselines.fixed_arc import FixedArc
 from lanekeep_baselines.free_drive import FreeDrive, Pilot
 from lanekeep_baselines.free_space import Body, FreeSpace
-from lanekeep_baselines.leg_odometry import LegOdometer, Way
+from lanekeep_baselines.leg_odometry import LegOdometer, Way, square
 from lanekeep_baselines.local_map import LocalMap
 from lanekeep_baselines.odometry import Odometer, OdometryScenario
 from lanekeep_baselines.policy import DrivingPolicy, Floats
@@ -113,8 +113,6 @@ class KnightRidersCircuit(DrivingPolicy):
     AWRY: ClassVar[float] = 2.0
     #: Angle of the largest one that paths in free space leave, rad.
     SPARE: ClassVar[float] = float(np.deg2rad(1.0))
-    #: So far before the inner corner its wall may have ended, m.
-    BEFORE: ClassVar[float] = 0.3
     #: Speeds, m/s: without a direction at the corner, and below which gains are those of this one.
     CREEP, SLOWEST = 1.2, 0.2
 
@@ -180,7 +178,7 @@ class KnightRidersCircuit(DrivingPolicy):
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
         command, pilot, keep = self._pilot.steer(
             at,
-            self._map.points(at, filled, map_, *self._side_walls(known, leg, pilot)),
+            self._map.points(at, filled, map_, np.where(lost, square(pilot.heading), known[:, 1]), lost),
             filled,
             command,
             known,
@@ -241,14 +239,6 @@ class KnightRidersCircuit(DrivingPolicy):
         if "steering_angle" not in at:
             return known
         return self._filter.correct_offset(known, at["steering_angle"] - at["steering_command"], self._wheel)
-
-    def _side_walls(self, known: Floats, leg: Leg, pilot: Pilot) -> tuple[Floats, tuple[Floats, Floats]]:
-        """Return the heading from the walls beside, rad, and where the right and the left one end, m, (n,) each."""
-        lost, side = pilot.lost > 0.5, self._side(leg)
-        square = pilot.heading - _RIGHT_ANGLE * np.round(pilot.heading / _RIGHT_ANGLE)
-        corner = np.where(lost, _UNKNOWN, leg.corner - self._car.sensor - self.BEFORE)
-        ends = tuple(np.where((side == own) | (side == 0.0), corner, _UNKNOWN) for own in (-1.0, 1.0))
-        return np.where(lost, square, known[:, 1]), ends
 
     def _side(self, leg: Leg) -> Floats:
         """Return 1 where corners go to the left, -1 to the right, 0 where that is not known."""

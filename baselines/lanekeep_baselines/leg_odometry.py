@@ -41,6 +41,11 @@ def wrapped(angle: Floats) -> Floats:
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
+def square(angle: Floats) -> Floats:
+    """Return an angle but for right ones, in -pi/4 to pi/4, rad."""
+    return angle - _RIGHT_ANGLE * np.round(angle / _RIGHT_ANGLE)
+
+
 class LegOdometer:
     """Its memory is a `Way`; a car starts along its leg.
 
@@ -76,8 +81,7 @@ class LegOdometer:
         heading, along, from_right, from_left, corridor = np.where(fresh, start, memory.T)
         heading = heading + turned
         # Walls tell the heading but for right angles.
-        error = np.where(np.isnan(measured), heading, measured) - heading
-        error = error - _RIGHT_ANGLE * np.round(error / _RIGHT_ANGLE)
+        error = square(np.where(np.isnan(measured), heading, measured) - heading)
         heading = wrapped(heading + np.where(np.abs(error) < self.WITHIN, self.GAIN * error, 0.0))
         along, across = along + way * np.cos(heading), way * np.sin(heading)
         from_right = np.maximum(from_right + across, 0.0)

@@ -43,8 +43,8 @@ class LocalMap:
     #: the scan shows nothing, m.
     ACROSS, GOES_ON = (-0.3, 0.0, 0.3), (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
 
-    #: Places of a side's wall beyond its echo, m.
-    UNSEEN = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
+    #: Places of a side's wall beyond its echo, and how far off its line the rim still shows the same wall, m.
+    UNSEEN, SAME_WALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9), 0.25
     #: Angle that is the rim, rad.
     RIM: ClassVar[float] = 0.1
 
@@ -52,8 +52,9 @@ class LocalMap:
         self._reader, self._nose, self._side = reader, nose, side_sensor
         # Nearer than the camera sees at all an echo is no sign of glass.
         self._blind = reader.nearest
-        self._view = float(np.tan(reader.angles[-1, 0]))
         self._rim = int(np.count_nonzero(reader.angles <= reader.angles[0] + self.RIM))
+        rim = float(reader.angles[-1, 0])
+        self._rim_cosine, self._rim_sine = np.cos(rim), np.sin(rim)
         self._per_place = self.SECTORS + self.ECHOES
         self._points = self.KEPT * self._per_place
         self.memory = 2 * self._points + 2
@@ -96,23 +97,22 @@ class LocalMap:
         return np.concatenate([*kept, rest]).T, front
 
     def points(
-        self, at: Mapping[str, Floats], ranges: Floats, memory: Floats, heading: Floats, ends: tuple[Floats, Floats]
+        self, at: Mapping[str, Floats], ranges: Floats, memory: Floats, heading: Floats, lost: NDArray[np.bool_]
     ) -> tuple[Floats, Floats]:
         """Return all points, x and y, m, (points, n): of the present step (as given to `update`) and kept ones.
 
-        Between the camera's rim and a side's cone nothing is seen: there the side's wall goes on, up to its end.
-
         Args:
             heading: from the side walls' direction, rad, (n,).
-            ends: of the right and the left wall, ahead of the side sensor, m, (n,).
+            lost: whether nobody knows where side walls end, (n,).
         """
         x, y = memory[:, :-2].T.reshape(2, self._points, -1)
         known = np.isfinite(ranges)
         far = np.where(known, ranges, NOWHERE)
         ahead, left = self._nose + far * np.cos(self._reader.angles), far * np.sin(self._reader.angles)
         along, across = [x, ahead], [y, left]
-        for side, sign, rim in (("right", -1.0, known[: self._rim]), ("left", 1.0, known[-self._rim :])):
-            echo = at[f"distance_{side}"]
+        for side, sign, beams in (("right", -1.0, slice(self._rim)), ("left", 1.0, slice(-self._rim, None))):
+            echo, rim = at[f"distance_{side}"], known[beams]
+            edge = far[beams].min(axis=0)
             goes_on = (echo > 0.0) & ~rim.any(axis=0)
             further = np.array(self.GOES_ON)[:, None]
             # What is heard may as well be a corner that comes into the cone ahead.
@@ -120,15 +120,29 @@ class LocalMap:
             across.append(sign * echo[None] * np.cos(HALF_CONE))
             along.append(np.where(goes_on, self._side + further, NOWHERE))
             across.append(np.where(goes_on, sign * echo + 0.0 * further, NOWHERE))
-            end, turned = ends[sign > 0.0], sign * heading
-            foot = np.clip(turned, -HALF_CONE, HALF_CONE)
-            onwards = np.array(self.UNSEEN)[:, None]
-            x_, y_ = echo * np.sin(foot) + onwards * np.cos(turned), echo * np.cos(foot) - onwards * np.sin(turned)
-            seen = y_ < (self._side + x_ - self._nose) * self._view
-            unseen = (echo > 0.0) & ~seen & (x_ * np.cos(turned) <= end)
-            along.append(np.where(unseen, self._side + x_, NOWHERE))
-            across.append(np.where(unseen, sign * y_, NOWHERE))
+            x_, y_ = self._unseen_wall(echo, sign * heading, edge, lost)
+            along.append(x_)
+            across.append(sign * y_)
         return np.concatenate(along), np.concatenate(across)
+
+    def _unseen_wall(
+        self, echo: Floats, heading: Floats, edge: Floats, lost: NDArray[np.bool_]
+    ) -> tuple[Floats, Floats]:
+        """Return points of a left wall between its echo and the camera's rim, where nothing is seen, m, (points, n).
+
+        The wall goes on there if the rim, which looks as far as ``edge``, shows it, or if nobody knows.
+        """
+        foot = np.clip(heading, -HALF_CONE, HALF_CONE)
+        x, y = self._side + echo * np.sin(foot), echo * np.cos(foot)
+        seen_x, seen_y = self._nose + edge * self._rim_cosine, edge * self._rim_sine
+        cosine, sine = np.cos(heading), np.sin(heading)
+        ahead, left = cosine * (seen_x - x) - sine * (seen_y - y), sine * (seen_x - x) + cosine * (seen_y - y)
+        shown = (np.abs(left) < self.SAME_WALL) & (ahead > 0.0)
+        onwards = np.array(self.UNSEEN)[:, None]
+        x, y = x + onwards * cosine, y - onwards * sine
+        hidden = y * self._rim_cosine > (x - self._nose) * self._rim_sine
+        goes_on = (echo > 0.0) & hidden & (shown | lost)
+        return np.where(goes_on, x, NOWHERE), np.where(goes_on, y, NOWHERE)
 
     def unseen(self, at: Mapping[str, Floats], ranges: Floats) -> Floats:
         """Return how far off the ultrasonic hears what may be glass ahead, m, (n,), inf where that is nothing.
