@@ -35,7 +35,7 @@ from lanekeep_baselines.circuit_pilot import CircuitPilot
 from lanekeep_baselines.fixed_arc import FixedArc
 from lanekeep_baselines.free_drive import FreeDrive, Pilot
 from lanekeep_baselines.free_space import Body, FreeSpace
-from lanekeep_baselines.leg_odometry import LegOdometer, Way, square
+from lanekeep_baselines.leg_odometry import LegOdometer, Way, beside
 from lanekeep_baselines.local_map import LocalMap
 from lanekeep_baselines.odometry import Odometer, OdometryScenario
 from lanekeep_baselines.policy import DrivingPolicy, Floats
@@ -178,7 +178,7 @@ class KnightRidersCircuit(DrivingPolicy):
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
         command, pilot, keep = self._pilot.steer(
             at,
-            self._map.points(at, filled, map_, np.where(lost, square(pilot.heading), known[:, 1]), lost),
+            self._map.points(at, filled, map_, beside(pilot.heading), lost),
             filled,
             command,
             known,

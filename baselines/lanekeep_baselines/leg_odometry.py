@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from lanekeep_baselines.policy import Floats
 
 _RIGHT_ANGLE = 0.5 * np.pi
+#: Heading from which on walls beside are those across the leg, rad.
+ACROSS = np.pi / 3.0
 
 
 class Way(NamedTuple):
@@ -41,9 +43,9 @@ def wrapped(angle: Floats) -> Floats:
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
-def square(angle: Floats) -> Floats:
-    """Return an angle but for right ones, in -pi/4 to pi/4, rad."""
-    return angle - _RIGHT_ANGLE * np.round(angle / _RIGHT_ANGLE)
+def beside(heading: Floats) -> Floats:
+    """Return a heading, rad, from the walls beside: up to `ACROSS` those of the leg, beyond those across it."""
+    return heading - np.sign(heading) * _RIGHT_ANGLE * np.floor((np.abs(heading) - ACROSS) / _RIGHT_ANGLE + 1.0)
 
 
 class LegOdometer:
@@ -81,7 +83,8 @@ class LegOdometer:
         heading, along, from_right, from_left, corridor = np.where(fresh, start, memory.T)
         heading = heading + turned
         # Walls tell the heading but for right angles.
-        error = square(np.where(np.isnan(measured), heading, measured) - heading)
+        error = np.where(np.isnan(measured), heading, measured) - heading
+        error = error - _RIGHT_ANGLE * np.round(error / _RIGHT_ANGLE)
         heading = wrapped(heading + np.where(np.abs(error) < self.WITHIN, self.GAIN * error, 0.0))
         along, across = along + way * np.cos(heading), way * np.sin(heading)
         from_right = np.maximum(from_right + across, 0.0)

@@ -45,6 +45,8 @@ class LocalMap:
 
     #: Places of a side's wall beyond its echo, and how far off its line the rim still shows the same wall, m.
     UNSEEN, SAME_WALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9), 0.25
+    #: So far it is guessed to go on where the way is lost, m.
+    GUESSED: ClassVar[float] = 0.45
     #: Angle that is the rim, rad.
     RIM: ClassVar[float] = 0.1
 
@@ -141,7 +143,7 @@ class LocalMap:
         onwards = np.array(self.UNSEEN)[:, None]
         x, y = x + onwards * cosine, y - onwards * sine
         hidden = y * self._rim_cosine > (x - self._nose) * self._rim_sine
-        goes_on = (echo > 0.0) & hidden & (shown | lost)
+        goes_on = (echo > 0.0) & hidden & (shown | (lost & (onwards <= self.GUESSED)))
         return np.where(goes_on, x, NOWHERE), np.where(goes_on, y, NOWHERE)
 
     def unseen(self, at: Mapping[str, Floats], ranges: Floats) -> Floats:
