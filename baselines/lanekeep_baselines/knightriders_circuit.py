@@ -19,6 +19,7 @@ Added to it:
 - A command passes only while the car can still stop after it among what it has seen lately (`local_map`, `free_drive`).
   Else the nearest path that is free is driven instead; after more than four of these the way is looked for in free
   space, until the car has been along two walls for a while. That way it also drives where there is no rectangle.
+- Odometry tells the leg that it is on and whether it has turned round on it (`leg_odometry`).
   Windows are heard by the ultrasonics only, often late: walls with glass are still touched at times.
 """
 
