@@ -179,7 +179,7 @@ class KnightRidersCircuit(DrivingPolicy):
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
         command, pilot, keep = self._pilot.steer(
             at,
-            self._map.points(at, filled, map_, beside(pilot.heading), lost),
+            self._map.points(at, filled, map_, beside(pilot.heading)),
             filled,
             command,
             known,

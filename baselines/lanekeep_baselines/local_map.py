@@ -45,8 +45,6 @@ class LocalMap:
 
     #: Places of a side's wall beyond its echo, and how far off its line the rim still shows the same wall, m.
     UNSEEN, SAME_WALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9), 0.25
-    #: So far it is guessed to go on where the way is lost, m.
-    GUESSED: ClassVar[float] = 0.45
     #: Angle that is the rim, rad.
     RIM: ClassVar[float] = 0.1
 
@@ -99,13 +97,12 @@ class LocalMap:
         return np.concatenate([*kept, rest]).T, front
 
     def points(
-        self, at: Mapping[str, Floats], ranges: Floats, memory: Floats, heading: Floats, lost: NDArray[np.bool_]
+        self, at: Mapping[str, Floats], ranges: Floats, memory: Floats, heading: Floats
     ) -> tuple[Floats, Floats]:
         """Return all points, x and y, m, (points, n): of the present step (as given to `update`) and kept ones.
 
         Args:
             heading: from the side walls' direction, rad, (n,).
-            lost: whether nobody knows where side walls end, (n,).
         """
         x, y = memory[:, :-2].T.reshape(2, self._points, -1)
         known = np.isfinite(ranges)
@@ -122,17 +119,15 @@ class LocalMap:
             across.append(sign * echo[None] * np.cos(HALF_CONE))
             along.append(np.where(goes_on, self._side + further, NOWHERE))
             across.append(np.where(goes_on, sign * echo + 0.0 * further, NOWHERE))
-            x_, y_ = self._unseen_wall(echo, sign * heading, edge, lost)
+            x_, y_ = self._unseen_wall(echo, sign * heading, edge)
             along.append(x_)
             across.append(sign * y_)
         return np.concatenate(along), np.concatenate(across)
 
-    def _unseen_wall(
-        self, echo: Floats, heading: Floats, edge: Floats, lost: NDArray[np.bool_]
-    ) -> tuple[Floats, Floats]:
+    def _unseen_wall(self, echo: Floats, heading: Floats, edge: Floats) -> tuple[Floats, Floats]:
         """Return points of a left wall between its echo and the camera's rim, where nothing is seen, m, (points, n).
 
-        The wall goes on there if the rim, which looks as far as ``edge``, shows it, or if nobody knows.
+        The wall goes on there if the rim, which looks as far as ``edge``, shows it.
         """
         foot = np.clip(heading, -HALF_CONE, HALF_CONE)
         x, y = self._side + echo * np.sin(foot), echo * np.cos(foot)
@@ -143,7 +138,7 @@ class LocalMap:
         onwards = np.array(self.UNSEEN)[:, None]
         x, y = x + onwards * cosine, y - onwards * sine
         hidden = y * self._rim_cosine > (x - self._nose) * self._rim_sine
-        goes_on = (echo > 0.0) & hidden & (shown | (lost & (onwards <= self.GUESSED)))
+        goes_on = (echo > 0.0) & hidden & shown
         return np.where(goes_on, x, NOWHERE), np.where(goes_on, y, NOWHERE)
 
     def unseen(self, at: Mapping[str, Floats], ranges: Floats) -> Floats:
