@@ -135,6 +135,7 @@ def bench(
     """
     from lanekeep_benchmarks import runs
     from lanekeep_benchmarks.engines import Engine
+    from lanekeep_benchmarks.report import replay_command
     from lanekeep_benchmarks.reporting import write_report
 
     with input_errors():
@@ -153,6 +154,10 @@ def bench(
         bar.update(task, description="tables and plots")
         summary = write_report(plan, folder)
     _print_report({"folder": str(folder.path), **summary}, as_json)
+    failed = next((line for line in plan.results if line.failed), None)
+    if failed is not None and not as_json:
+        command = replay_command(folder.path, failed.scenario, failed.policy, failed.episode)
+        console().print(f"A failed episode to look at: {command}", highlight=False, soft_wrap=True)
 
 
 def _print_report(summary: dict[str, Any], as_json: bool) -> None:
