@@ -187,15 +187,8 @@ def failures(results: Sequence[EpisodeResult]) -> str:
     if not found:
         return ""
     command = replay_command(Path("FOLDER"), "S", "P", "N")
-    lines = [
-        "",
-        "## Failed episodes",
-        "",
-        f"`{command}` drives one again.",
-        "",
-        "| scenario | policy | episodes |",
-        "|---|---|---|",
-    ]
+    lines = ["", "## Failed episodes", "", f"`{command}` drives one again."]
+    lines += ["", "| scenario | policy | episodes |", "|---|---|---|"]
     for (scenario, policy), episodes in found.items():
         shown = ", ".join(map(str, sorted(episodes)[:MOST_FAILURES])) + ", …" * (len(episodes) > MOST_FAILURES)
         lines.append(f"| {scenario} | {policy} | {shown} |")
