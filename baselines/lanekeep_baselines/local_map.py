@@ -44,7 +44,7 @@ class LocalMap:
     ACROSS, GOES_ON = (-0.3, 0.0, 0.3), (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
 
     #: Places of a side's wall beyond its echo, and how far off its line the rim still shows the same wall, m.
-    UNSEEN, SAME_WALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9), 0.25
+    UNSEEN, SAME_WALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9), 0.12
     #: Angle that is the rim, rad.
     RIM: ClassVar[float] = 0.1
 
@@ -111,7 +111,6 @@ class LocalMap:
         along, across = [x, ahead], [y, left]
         for side, sign, beams in (("right", -1.0, slice(self._rim)), ("left", 1.0, slice(-self._rim, None))):
             echo, rim = at[f"distance_{side}"], known[beams]
-            edge = far[beams].min(axis=0)
             goes_on = (echo > 0.0) & ~rim.any(axis=0)
             further = np.array(self.GOES_ON)[:, None]
             # What is heard may as well be a corner that comes into the cone ahead.
@@ -119,26 +118,26 @@ class LocalMap:
             across.append(sign * echo[None] * np.cos(HALF_CONE))
             along.append(np.where(goes_on, self._side + further, NOWHERE))
             across.append(np.where(goes_on, sign * echo + 0.0 * further, NOWHERE))
-            x_, y_ = self._unseen_wall(echo, sign * heading, edge)
+            x_, y_ = self._unseen_wall(echo, sign * heading, ahead[beams], sign * left[beams], rim)
             along.append(x_)
             across.append(sign * y_)
         return np.concatenate(along), np.concatenate(across)
 
-    def _unseen_wall(self, echo: Floats, heading: Floats, edge: Floats) -> tuple[Floats, Floats]:
+    def _unseen_wall(
+        self, echo: Floats, heading: Floats, ahead: Floats, left: Floats, known: NDArray[np.bool_]
+    ) -> tuple[Floats, Floats]:
         """Return points of a left wall between its echo and the camera's rim, where nothing is seen, m, (points, n).
 
-        The wall goes on there if the rim, which looks as far as ``edge``, shows it.
+        The wall goes on there if all that the rim shows (``ahead`` and ``left``, where ``known``) is on its line.
         """
         foot = np.clip(heading, -HALF_CONE, HALF_CONE)
         x, y = self._side + echo * np.sin(foot), echo * np.cos(foot)
-        seen_x, seen_y = self._nose + edge * self._rim_cosine, edge * self._rim_sine
         cosine, sine = np.cos(heading), np.sin(heading)
-        ahead, left = cosine * (seen_x - x) - sine * (seen_y - y), sine * (seen_x - x) + cosine * (seen_y - y)
-        shown = (np.abs(left) < self.SAME_WALL) & (ahead > 0.0)
+        off = sine * (ahead - x) + cosine * (left - y)
+        same = known.any(axis=0) & ((np.abs(off) < self.SAME_WALL) | ~known).all(axis=0)
         onwards = np.array(self.UNSEEN)[:, None]
         x, y = x + onwards * cosine, y - onwards * sine
-        hidden = y * self._rim_cosine > (x - self._nose) * self._rim_sine
-        goes_on = (echo > 0.0) & hidden & shown
+        goes_on = (echo > 0.0) & same & (y * self._rim_cosine > (x - self._nose) * self._rim_sine)
         return np.where(goes_on, x, NOWHERE), np.where(goes_on, y, NOWHERE)
 
     def unseen(self, at: Mapping[str, Floats], ranges: Floats) -> Floats:
