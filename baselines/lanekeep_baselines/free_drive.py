@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.free_space import STRIDE, FreeSpace, poses
+from lanekeep_baselines.leg_odometry import wrapped
 from lanekeep_baselines.policy import Floats
 
 
@@ -47,7 +48,7 @@ class Pilot(NamedTuple):
         back: way still to go backwards, m.
         curvature: last asked for, 1/m.
         sides: last sum of the side distances, m.
-        heading: of the car from the leg it is on, rad; where the way is lost, by odometry.
+        heading: of the car from the leg's direction, rad.
     """
 
     doubt: Floats
@@ -155,7 +156,7 @@ class FreeDrive:
         hard = np.where(close[:, None], least, hard)
         can = self._possible(motion)
         apart = np.where(lost, self.APART, self.NEARBY)[:, None] * np.abs(paths.first - wanted[:, None])
-        ends = np.where(side[:, None] != 0.0, np.abs(heading[:, None] + self._turned), 0.0)
+        ends = np.where(side[:, None] != 0.0, np.abs(wrapped(heading[:, None] + self._turned)), 0.0)
         apart += self.LOSES * np.maximum(ends - self.BACKWARDS, 0.0)
         value = (
             soft

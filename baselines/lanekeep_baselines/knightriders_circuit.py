@@ -19,6 +19,7 @@ Added to it:
 - A command passes only while the car can still stop after it among what it has seen lately (`local_map`, `free_drive`).
   Else the nearest path that is free is driven instead; after more than four of these the way is looked for in free
   space, until the car has been along two walls for a while. That way it also drives where there is no rectangle.
+- Odometry tells the leg that it is on and whether it has turned round on it (`leg_odometry`).
   Windows are heard by the ultrasonics only, often late: walls with glass are still touched at times.
 """
 
@@ -35,6 +36,7 @@ from lanekeep_baselines.circuit_pilot import CircuitPilot
 from lanekeep_baselines.fixed_arc import FixedArc
 from lanekeep_baselines.free_drive import FreeDrive, Pilot
 from lanekeep_baselines.free_space import Body, FreeSpace
+from lanekeep_baselines.leg_odometry import LegOdometer, Way, beside
 from lanekeep_baselines.local_map import LocalMap
 from lanekeep_baselines.odometry import Odometer, OdometryScenario
 from lanekeep_baselines.policy import DrivingPolicy, Floats
@@ -106,8 +108,8 @@ class KnightRidersCircuit(DrivingPolicy):
     START, SURE = 0.1, 0.08
     #: Standard deviation of the potentiometer at the road wheel at least, rad.
     WHEEL: ClassVar[float] = 0.005
-    #: Votes that settle the direction, and the most that are kept.
-    SETTLED, MOST = 3.0, 12.0
+    #: Votes that settle the direction, the most that are kept, and those of a driven corner.
+    SETTLED, MOST, DRIVEN = 3.0, 12.0, 0.0
     #: Heading from the leg's direction with which no wall is taken up: the car goes round the wrong way, rad.
     AWRY: ClassVar[float] = 2.0
     #: Angle of the largest one that paths in free space leave, rad.
@@ -134,7 +136,8 @@ class KnightRidersCircuit(DrivingPolicy):
         free = FreeDrive(space, scenario.control_step, scenario.max_acceleration, scenario.max_speed)
         arc = None if free_space else FixedArc(scenario.control_step, tightest)
         self._pilot = CircuitPilot(free, self._reader, self._car, self._limit, arc)
-        own = len(Leg._fields), len(Pilot._fields)
+        self._legs = LegOdometer(car.width)
+        own = len(Leg._fields), len(Pilot._fields), len(Way._fields)
         sizes = (self._filter.memory, self._control.memory, *own, self._map.memory, self._odometer.memory)
         self._split = tuple(np.cumsum(sizes[:-1]))
         self.memory = sum(sizes)
@@ -153,7 +156,7 @@ class KnightRidersCircuit(DrivingPolicy):
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats | None]:
-        filtered, steered, leg_, pilot_, map_, before = np.split(memory, self._split, axis=1)
+        filtered, steered, leg_, pilot_, way_, map_, before = np.split(memory, self._split, axis=1)
         speed, mean, now = self._odometer.update(at, before, fresh)
         at, way = {**at, "speed": speed}, mean * self._car.step
         blank = np.zeros_like(at["speed"])
@@ -167,14 +170,16 @@ class KnightRidersCircuit(DrivingPolicy):
         lost = pilot.lost > 0.5
         known = self._locate(at, filtered, fresh, leg, way, lost)
         leg = leg._replace(corner=leg.corner - way * np.cos(known[:, 1]))
-        heading = self._heading(np.where(lost, pilot.heading + turned, known[:, 1]), self._side(leg))
-        known, leg, pilot = self._take_up(at, known, leg, pilot._replace(heading=heading))
+        measured = np.where(lost, np.nan, known[:, 1])
+        round_, left = self._legs.update(way_, fresh, way, turned, measured, at["distance_right"] + at["distance_left"])
+        leg = leg._replace(votes=leg.votes + left * self.DRIVEN)
+        known, leg, pilot = self._take_up(at, known, leg, pilot._replace(heading=round_.heading))
         known, leg = self._change_over(known, leg)
         leg = self._look(at, ranges, glass, known, leg)
         command, steered, phase = self._drive(at, steered, fresh, known, leg)
         command, pilot, keep = self._pilot.steer(
             at,
-            self._map.points(at, filled, map_),
+            self._map.points(at, filled, map_, beside(pilot.heading)),
             filled,
             command,
             known,
@@ -184,7 +189,7 @@ class KnightRidersCircuit(DrivingPolicy):
         )
         leg = leg._replace(phase=np.where(keep, phase, leg.phase))
         steered = np.where(keep[:, None], steered, command[:, :1])
-        parts = [known, steered, np.stack(leg, axis=1), np.stack(pilot, axis=1), map_, now]
+        parts = [known, steered, *(np.stack(own, axis=1) for own in (leg, pilot, round_)), map_, now]
         return command, np.concatenate(parts, axis=1)
 
     def _take_up(self, at: Mapping[str, Floats], known: Floats, leg: Leg, pilot: Pilot) -> tuple[Floats, Leg, Pilot]:
@@ -208,10 +213,6 @@ class KnightRidersCircuit(DrivingPolicy):
             phase=np.where(over, _WALL, leg.phase),
         )
         return known, leg, pilot._replace(lost=np.where(over, 0.0, pilot.lost), calm=calm, sides=sides)
-
-    def _heading(self, heading: Floats, side: Floats) -> Floats:
-        """Return a heading from the leg's direction, rad: from the next leg's where most of a corner is turned."""
-        return heading - np.where(side * heading > 2.0 / 3.0 * _RIGHT_ANGLE, side * _RIGHT_ANGLE, 0.0)
 
     def _locate(
         self,
@@ -281,7 +282,8 @@ class KnightRidersCircuit(DrivingPolicy):
         late = (self._side(leg) == 0.0) & (leg.corner < self._car.sensor) & (vote == 0.0)
         to_left, to_right = left > corridor - distance + self.SAME, right > distance + self.SAME
         vote = np.where(late, 1.0 * to_left - 1.0 * to_right, vote)
-        votes = np.clip(leg.votes + np.where(along, vote, 0.0), -self.MOST, self.MOST)
+        most = np.maximum(self.MOST, np.abs(leg.votes))
+        votes = np.clip(leg.votes + np.where(along, vote, 0.0), -most, most)
         side = self._side(leg._replace(votes=votes))
         end = WallEnd(*(np.where(side > 0.0, b, a) for a, b in zip(*ends, strict=True)))
         place = np.where(end.seen & (side != 0.0), np.clip(front, end.near, end.far), front) + ahead

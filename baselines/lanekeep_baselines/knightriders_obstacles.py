@@ -4,7 +4,8 @@ The report walks along the scan, takes the ends of what stands in its detection 
 encoder. Better: what `knightriders-circuit` has below it for any walls holds for boxes as well. Points of the last
 scans and echoes make a local map that odometry moves; a table of paths tells how far the body, swept along each, is
 free; the wall follower's command passes where the car could still stop after it, else the path is taken that is free
-farthest and near to what is wanted, backwards a little where none is.
+farthest and near to what is wanted, backwards a little where none is. Which way round the circuit goes is told by the
+corners that were driven (`leg_odometry`), since the end of a box may look like that of a wall.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ class KnightRidersObstacles(KnightRidersCircuit):
 
     name = "knightriders-obstacles"
     needs = (Need("a course", _no_course),)
+    #: Against the way round that was driven no votes count.
+    DRIVEN = 1e3
 
     def __init__(self, scenario: ObstacleDrive, *, free_space: bool = True) -> None:
         super().__init__(scenario, free_space=free_space)

@@ -35,12 +35,16 @@ class LocalMap:
     #: An echo ahead is of something that the scan shows if that is not this much farther, m, and of a side wall if it
     #: is not below this share of that one's expected echo.
     SHOWN, SIDE_SHARE = 0.35, 0.75
+    #: A kept point so far beside the cone is of something that reaches into it, m.
+    BESIDE: ClassVar[float] = 0.15
     #: Share of the cone's beams that show nothing from which on there may be glass.
     OPEN: ClassVar[float] = 0.15
     #: Directions in which it is put, rad; places ahead of the side sensor to which a side wall goes on where the rim of
     #: the scan shows nothing, m.
     ACROSS, GOES_ON = (-0.3, 0.0, 0.3), (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
 
+    #: Places of a side's wall beyond its echo, and how far off its line the rim still shows the same wall, m.
+    UNSEEN, SAME_WALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9), 0.12
     #: Angle that is the rim, rad.
     RIM: ClassVar[float] = 0.1
 
@@ -49,6 +53,8 @@ class LocalMap:
         # Nearer than the camera sees at all an echo is no sign of glass.
         self._blind = reader.nearest
         self._rim = int(np.count_nonzero(reader.angles <= reader.angles[0] + self.RIM))
+        rim = float(reader.angles[-1, 0])
+        self._rim_cosine, self._rim_sine = np.cos(rim), np.sin(rim)
         self._per_place = self.SECTORS + self.ECHOES
         self._points = self.KEPT * self._per_place
         self.memory = 2 * self._points + 2
@@ -90,15 +96,21 @@ class LocalMap:
         rest = np.stack([np.where(new, 0.0, since), np.where(new, 0.0, angle)])
         return np.concatenate([*kept, rest]).T, front
 
-    def points(self, at: Mapping[str, Floats], ranges: Floats, memory: Floats) -> tuple[Floats, Floats]:
-        """Return all points, x and y, m, (points, n): of the present step (as given to `update`) and kept ones."""
+    def points(
+        self, at: Mapping[str, Floats], ranges: Floats, memory: Floats, heading: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return all points, x and y, m, (points, n): of the present step (as given to `update`) and kept ones.
+
+        Args:
+            heading: from the side walls' direction, rad, (n,).
+        """
         x, y = memory[:, :-2].T.reshape(2, self._points, -1)
         known = np.isfinite(ranges)
         far = np.where(known, ranges, NOWHERE)
         ahead, left = self._nose + far * np.cos(self._reader.angles), far * np.sin(self._reader.angles)
         along, across = [x, ahead], [y, left]
-        for side, sign, rim in (("right", -1.0, known[: self._rim]), ("left", 1.0, known[-self._rim :])):
-            echo = at[f"distance_{side}"]
+        for side, sign, beams in (("right", -1.0, slice(self._rim)), ("left", 1.0, slice(-self._rim, None))):
+            echo, rim = at[f"distance_{side}"], known[beams]
             goes_on = (echo > 0.0) & ~rim.any(axis=0)
             further = np.array(self.GOES_ON)[:, None]
             # What is heard may as well be a corner that comes into the cone ahead.
@@ -106,7 +118,27 @@ class LocalMap:
             across.append(sign * echo[None] * np.cos(HALF_CONE))
             along.append(np.where(goes_on, self._side + further, NOWHERE))
             across.append(np.where(goes_on, sign * echo + 0.0 * further, NOWHERE))
+            x_, y_ = self._unseen_wall(echo, sign * heading, ahead[beams], sign * left[beams], rim)
+            along.append(x_)
+            across.append(sign * y_)
         return np.concatenate(along), np.concatenate(across)
+
+    def _unseen_wall(
+        self, echo: Floats, heading: Floats, ahead: Floats, left: Floats, known: NDArray[np.bool_]
+    ) -> tuple[Floats, Floats]:
+        """Return points of a left wall between its echo and the camera's rim, where nothing is seen, m, (points, n).
+
+        The wall goes on there if all that the rim shows (``ahead`` and ``left``, where ``known``) is on its line.
+        """
+        foot = np.clip(heading, -HALF_CONE, HALF_CONE)
+        x, y = self._side + echo * np.sin(foot), echo * np.cos(foot)
+        cosine, sine = np.cos(heading), np.sin(heading)
+        off = sine * (ahead - x) + cosine * (left - y)
+        same = known.any(axis=0) & ((np.abs(off) < self.SAME_WALL) | ~known).all(axis=0)
+        onwards = np.array(self.UNSEEN)[:, None]
+        x, y = x + onwards * cosine, y - onwards * sine
+        goes_on = (echo > 0.0) & same & (y * self._rim_cosine > (x - self._nose) * self._rim_sine)
+        return np.where(goes_on, x, NOWHERE), np.where(goes_on, y, NOWHERE)
 
     def unseen(self, at: Mapping[str, Floats], ranges: Floats) -> Floats:
         """Return how far off the ultrasonic hears what may be glass ahead, m, (n,), inf where that is nothing.
@@ -155,7 +187,8 @@ class LocalMap:
         shown = np.where(cone, ranges, np.inf).min(axis=0) <= echo + self.SHOWN
         # Of what it showed before, only what is too near for it now tells anything: the rest it would show still.
         depth = x - self._nose
-        kept = np.where((depth > 0.0) & (np.abs(y) <= (TANGENT + 0.02) * depth), np.hypot(depth, y), np.inf)
+        cone = np.abs(y) <= TANGENT * depth + self.BESIDE
+        kept = np.where((depth > 0.0) & cone, np.hypot(depth, y), np.inf)
         shown |= kept.min(axis=(0, 1)) <= np.minimum(echo + self.SHOWN, self._blind + 0.1)
         sides = [np.where(at[f"distance_{side}"] > 0.0, at[f"distance_{side}"], np.inf) for side in ("right", "left")]
         wall = np.minimum(*sides) / np.sin(HALF_CONE)

@@ -39,9 +39,9 @@ class WallEnd(NamedTuple):
 class ScanReader:
     """Reads scans of one camera; elementwise over the rows, and along the beams only sorts and takes extremes.
 
-    The report's median over 41 of 141 beams closes openings under 0.175 m at 1 m and hides a jump within 10 degrees of
-    the rim. This one takes `WINDOW` beams of a faulty camera, leaves beams that show nothing out, and takes a perfect
-    camera's as they are.
+    The report's median over 41 values, on a scan of 141 beams over 70 degrees (assumed: it tells neither), closes
+    openings under 0.175 m at 1 m and hides a jump within 10 degrees of the rim. This one takes `WINDOW` beams of a
+    faulty camera, leaves beams that show nothing out, and takes a perfect camera's as they are.
     """
 
     WINDOW = 5

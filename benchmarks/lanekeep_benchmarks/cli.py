@@ -137,6 +137,7 @@ def bench(
     """
     from lanekeep_benchmarks import runs
     from lanekeep_benchmarks.engines import Engine
+    from lanekeep_benchmarks.report import replay_command
     from lanekeep_benchmarks.reporting import write_report
 
     with input_errors():
@@ -155,6 +156,10 @@ def bench(
         bar.update(task, description="tables and plots")
         summary = write_report(plan, folder)
     _print_report({"folder": str(folder.path), **summary}, as_json)
+    failed = next((line for line in plan.results if line.failed), None)
+    if failed is not None and not as_json:
+        command = replay_command(folder.path, failed.scenario, failed.policy, failed.episode)
+        console().print(f"A failed episode to look at: {command}", highlight=False, soft_wrap=True)
 
 
 def _print_report(summary: dict[str, Any], as_json: bool) -> None:
@@ -184,10 +189,11 @@ def speed(
 
     Example: lanekeep speed --quick --json
     """
-    from lanekeep_benchmarks.speed import measure_rates, measure_start_up, to_json
+    from lanekeep_benchmarks.speed import measure_courses, measure_rates, measure_start_up, to_json
 
     with console(stderr=True).status("measuring") as status:
         speeds = measure_rates(quick, status.update)
+        speeds.courses = measure_courses(quick, status.update)
         speeds.start_up = measure_start_up(status.update)
     if as_json:
         print(to_json(speeds))
@@ -201,6 +207,12 @@ def speed(
         ratios = speeds.ratios.get(name, {})
         table.add_row(name, f"{rate:,.0f}", *(f"{ratios[rival]:.2f}" if rival in ratios else "" for rival in rivals))
     there.print(table)
+    courses = Table(title="Times as fast as a circuit at the same scan, of CPU", title_justify="left")
+    courses.add_column("what")
+    courses.add_column("ratio", justify="right")
+    for name, ratio in speeds.courses.items():
+        courses.add_row(name, f"{ratio:.2f}")
+    there.print(courses)
     times = Table(title="Start-up in a fresh process", title_justify="left")
     times.add_column("what")
     times.add_column("seconds", justify="right")

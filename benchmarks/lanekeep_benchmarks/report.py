@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 from rich.text import Text
 
+from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.metrics import METRICS, Metric
 from lanekeep_benchmarks.statistics import BOOTSTRAP_FROM, MARKS_FROM
 from lanekeep_benchmarks.summary import RATE, RETURN, columns_of
 
 #: How a cell shows that the interval of the paired difference to the reference excludes zero.
 MARKS = {"better": " ▲", "worse": " ▼", "tie": ""}
+#: So many failed episodes of a policy are listed.
+MOST_FAILURES = 20
 
 
 def headings(columns: Sequence[Metric], reference: str) -> list[str]:
@@ -171,6 +176,29 @@ def improvement(summary: dict[str, Any]) -> list[str]:
         value, bounds = _cell(_percent(interval), 1)
         lines.append(f"| {label} | {value}<br>{bounds} |")
     return lines
+
+
+def failures(results: Sequence[EpisodeResult]) -> str:
+    """Which episodes failed, as a table in Markdown, or "" where none did."""
+    found: dict[tuple[str, str], list[int]] = {}
+    for line in results:
+        if line.failed:
+            found.setdefault((line.scenario, line.policy), []).append(line.episode)
+    if not found:
+        return ""
+    command = replay_command(Path("FOLDER"), "S", "P", "N")
+    lines = ["", "## Failed episodes", "", f"`{command}` drives one again."]
+    lines += ["", "| scenario | policy | episodes |", "|---|---|---|"]
+    for (scenario, policy), episodes in found.items():
+        shown = ", ".join(map(str, sorted(episodes)[:MOST_FAILURES])) + ", …" * (len(episodes) > MOST_FAILURES)
+        lines.append(f"| {scenario} | {policy} | {shown} |")
+    return "\n".join(lines) + "\n"
+
+
+def replay_command(folder: Path, scenario: str, policy: str, episode: int | str) -> str:
+    """The command that drives an episode of a run again."""
+    words = ["lanekeep", "play", "--run", str(folder), "--scenario", scenario, "--policy", policy]
+    return shlex.join([*words, "--episode", str(episode)])
 
 
 def markdown(summary: dict[str, Any]) -> str:

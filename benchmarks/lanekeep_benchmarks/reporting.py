@@ -14,7 +14,7 @@ from lanekeep_benchmarks.evaluate import episode_seed, make_cars, record
 from lanekeep_benchmarks.looks import interesting
 from lanekeep_benchmarks.metrics import METRICS
 from lanekeep_benchmarks.plan import Plan
-from lanekeep_benchmarks.report import markdown
+from lanekeep_benchmarks.report import failures, markdown
 from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder
 from lanekeep_benchmarks.suites import SuiteScenario
 from lanekeep_benchmarks.summary import rows_of, summarise
@@ -24,7 +24,7 @@ def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
     """Write summary, tables and plots; return the summary."""
     summary = summarise(plan.suite, plan.results, plan.policies)
     folder.write(SUMMARY, json.dumps(summary, indent=1, allow_nan=False) + "\n")
-    folder.write(TABLE, markdown(summary))
+    folder.write(TABLE, markdown(summary) + failures(plan.results))
     folder.write("plot_errors.png", plots.plot_errors(summary))
     folder.write("plot_profiles.png", plots.plot_profiles(summary, _first_metrics(plan)))
     # One training seed shows what the others do; more would hide the other policies.

@@ -37,6 +37,8 @@ OTHERS: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("WallFollow", "", {}),
     ("Circuit", ", 1080 beams", {"scan": {"beams": 1080, "field_of_view": 4.7, "nearest": 0.0}}),
 )
+#: What has more to do than a circuit at the same scan, and pairs of runs of both.
+COURSES, PAIRS = ("ObstacleCircuit", "ParallelPark"), 15
 
 
 @dataclass(frozen=True)
@@ -49,10 +51,11 @@ class Contender:
 
 @dataclass
 class Speeds:
-    """Result of a run: rates in env-steps/s and paired ratios by name, start-up times in s."""
+    """Rates in env-steps/s, paired ratios by name, those of courses to a circuit, start-up times in s."""
 
     rates: dict[str, float] = field(default_factory=dict)
     ratios: dict[str, dict[str, float]] = field(default_factory=dict)
+    courses: dict[str, float] = field(default_factory=dict)
     start_up: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
@@ -188,6 +191,37 @@ def compare(speeds: Speeds, names: list[str], rounds: list[dict[str, float]]) ->
             speeds.ratios[name] = {other: median(found[name] / found[other] for found in rounds) for other in rivals}
 
 
+def measure_courses(quick: bool = False, report: Callable[[str], None] = lambda text: None) -> dict[str, float]:
+    """Env-steps per second of CPU of circuits with more to do, over those of Circuit at the same 64 beams.
+
+    The median over pairs, in alternating order; single environments and 1,024 cars, float32, one thread.
+    """
+    kinds = {
+        "single": (_single, STEPS["single"] // (4 if quick else 2), {}),
+        f"{CARS} cars": (_vector, STEPS["vector"] // (4 if quick else 2) or 1, {"dtype": "float32"}),
+    }
+    found = {}
+    for kind, (make, steps, keywords) in kinds.items():
+        circuit = make("lanekeep/Circuit-v0", steps, scan="perfect", **keywords)
+        for task in COURSES:
+            report(f"{task}, {kind}")
+            course = make(f"lanekeep/{task}-v0", steps, scan="perfect", **keywords)
+            ratios = []
+            for number in range(-1, 3 if quick else PAIRS):
+                pair = (circuit, course) if number % 2 == 0 else (course, circuit)
+                times = {run: _cpu(run) for run in pair}
+                ratios.append(times[circuit] / times[course])
+            found[f"{task} / Circuit, {kind}"] = median(ratios[1:])
+    return found
+
+
+def _cpu(run: Callable[[], int]) -> float:
+    """Seconds of CPU of a run."""
+    start = time.process_time()
+    run()
+    return time.process_time() - start
+
+
 _IMPORT = "import time; t = time.perf_counter(); import lanekeep_env; print(time.perf_counter() - t)"
 _FIRST_STEP = """
 import time, gymnasium as gym, numpy as np, lanekeep_env
@@ -236,6 +270,7 @@ def to_json(speeds: Speeds) -> str:
         {
             "rates_env_steps_per_s": speeds.rates,
             "ratios": speeds.ratios,
+            "course_ratios": speeds.courses,
             "start_up_s": speeds.start_up,
             "notes": speeds.notes,
         }

@@ -19,15 +19,15 @@ class ObstacleCircuitEnv(CourseEnv, gym.Env):
 
     ## Action Space
 
-    `Box(-1, 1, (2,), float32)`: the road-wheel angle asked for, 1 = `max_steering_angle` (22 deg), left positive, and
-    the set speed, 1 = `max_speed` (2 m/s), -1 as much backwards.
+    `Box(-1, 1, (2,), float32)`: the road-wheel angle asked for, 1 = `max_steering_angle` (22 deg, an assumption: the
+    source tells none), left positive, and the set speed, 1 = `max_speed` (2 m/s), -1 as much backwards.
 
     ## Observation Space
 
     As `lanekeep/Circuit-v0`, with mode behind speed_command: 1 while the car is to drive among obstacles (0 a round
-    trip, 2 to park: `modes` may change that in the episode). The scan has 512 beams over 70 degrees, the columns of
-    the source's depth image: its median over 41 values erases 0.048 m at 1 m there, 0.176 m on 141 beams and 0.41 m on
-    64. `scan="kinect-columns"` adds the camera's faults.
+    trip, 2 to park: `modes` may change that in the episode). The scan has 512 beams, the columns of the source's
+    depth image, over 70 degrees, an assumption: its median over 41 values erases 0.048 m at 1 m there, 0.176 m on 141
+    beams and 0.41 m on 64. `scan="kinect-columns"` adds the camera's faults.
 
     `observation="full"` adds to the channels of `Circuit-v0` the place of the world's longest parking space
     (space_ahead, space_left, space_turned, space_length), space_share and kerb_distance. `info` holds the truth as

@@ -75,6 +75,50 @@ def test_a_wall_that_was_shown_and_is_too_near_for_the_camera_now_explains_its_e
     assert np.isinf(ahead).all()
 
 
+def test_a_box_that_reaches_into_the_cone_from_beside_explains_its_echo() -> None:
+    """Its corner, 0.4 m ahead and 0.2 m to the left of the nose, is out of the cone, its front goes on into it."""
+    walls, beams = map_of("kinect")
+    angles = walls._reader.angles
+    corner = np.arctan2(0.2, 0.7)
+    ranges = np.where(np.abs(angles - corner) < 0.02, np.hypot(0.2, 0.7), np.inf)
+    at = {"distance_front": np.array([0.7]), "distance_right": np.zeros(1), "distance_left": np.zeros(1)}
+    zero, fresh = np.zeros(1), np.zeros((1, walls.memory))
+    memory, _ = walls.update(at, ranges, fresh, True, zero, zero)
+    at["distance_front"] = np.array([0.43])
+    _, ahead = walls.update(at, np.full((beams, 1), np.inf), memory, False, zero + 0.3, zero)
+    assert np.isinf(ahead).all()
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("heading", [-0.3, 0.0, 0.2, 0.5, 0.8])
+def test_a_wall_goes_on_between_the_cone_and_the_rim_that_shows_it(sign: float, heading: float) -> None:
+    """A straight wall 0.8 m beside the side sensor: points on its line, none where the camera looks."""
+    walls = map_of("perfect")[0]
+    angles = walls._reader.angles[:, 0]
+    slope, nose = sign * angles + heading, 0.8 - (NOSE - SIDE) * np.sin(heading)
+    ranges = np.where(slope > 0.05, nose / np.sin(np.maximum(slope, 0.05)), np.inf)[:, None]
+    nearest = 0.8 / np.cos(np.clip(heading, -HALF_CONE, HALF_CONE) - heading)
+    side, other = ("left", "right") if sign > 0.0 else ("right", "left")
+    at = {f"distance_{side}": np.array([nearest]), f"distance_{other}": np.zeros(1)}
+    empty = np.full((1, walls.memory), 1e3)
+
+    def points(shown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        x, y = (values[:, 0] for values in walls.points(at, shown, empty, np.array([sign * heading])))
+        return x[x < 100.0], sign * y[x < 100.0]
+
+    x, y = points(ranges)
+    seen = np.isfinite(ranges).sum()
+    off = np.sin(heading) * (x - SIDE) + np.cos(heading) * y - 0.8
+    hidden = np.arctan2(y, x - NOSE) > angles[-1]
+    between = (np.abs(off) < 1e-9) & hidden
+    assert between.sum() >= 2 and (~hidden).sum() <= seen
+    assert np.abs(off[hidden & (x > SIDE + 0.8 * np.sin(HALF_CONE) + 1e-6)]).max(initial=0.0) < 1e-9
+    # Something across instead of the wall at the rim: nobody knows where the wall ends.
+    x, y = points(np.where(slope > 0.05, 2.0, np.inf)[:, None] / np.maximum(np.cos(slope), 0.2)[:, None])
+    off = np.sin(heading) * (x - SIDE) + np.cos(heading) * y - 0.8
+    assert (np.abs(off) < 1e-9).sum() <= 1
+
+
 def test_nothing_is_unseen_where_the_whole_cone_shows_something() -> None:
     walls, beams = map_of("perfect")
     at = {"distance_front": np.full(2, 0.6)}
@@ -89,7 +133,7 @@ def test_an_echo_beside_stands_for_a_corner_at_the_cones_rim_ahead(side: str) ->
     zero, none = np.zeros(1), np.full((beams, 1), np.inf)
     at = {"distance_right": zero, "distance_left": zero} | {f"distance_{side}": np.array([0.5])}
     memory, _ = walls.update(at, none, np.zeros((1, walls.memory)), True, zero, zero)
-    x, y = walls.points(at, none, memory)
+    x, y = walls.points(at, none, memory, zero)
     sign = -1.0 if side == "right" else 1.0
     rim = np.hypot(x - SIDE - 0.5 * np.sin(HALF_CONE), y - sign * 0.5 * np.cos(HALF_CONE))
     assert rim.min() < 1e-9

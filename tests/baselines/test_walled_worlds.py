@@ -123,7 +123,7 @@ def test_seven_hundred_worlds_without_glass() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="a window is heard late behind a side wall's echo: about one world in twenty")
+@pytest.mark.xfail(strict=True, reason="a window is heard late behind a wall's echo: with the Kinect a world in four")
 def test_three_hundred_worlds_with_glass() -> None:
     found = endings_of({"any+g": 37}, 6000)
     assert found["contact"] < 0.01 * found.total()

@@ -306,6 +306,8 @@ class TestSpeed:
         assert all(rate > 0 for rate in rates.values())
         assert "CartPole-v1" in found["ratios"]["lanekeep"]
         assert list(found["ratios"]["lanekeep Traffic, 50 others"]) == ["highway-env highway-v0, 50 others"]
+        courses = found["course_ratios"]
+        assert len(courses) == 4 and all(ratio > 0 for ratio in courses.values())
         assert set(found["start_up_s"]) == {
             "import",
             "first step, single, cold",

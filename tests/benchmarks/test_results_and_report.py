@@ -12,7 +12,7 @@ from scipy import stats
 from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.looks import interesting, styles
 from lanekeep_benchmarks.metrics import METRICS, metrics_of
-from lanekeep_benchmarks.report import caption, cells, headings, markdown, terminal_table
+from lanekeep_benchmarks.report import caption, cells, failures, headings, markdown, terminal_table
 from lanekeep_benchmarks.results import EPISODES, SUMMARY, ResultFolder
 from lanekeep_benchmarks.run_record import RUN, RunRecord
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
@@ -276,3 +276,11 @@ def test_of_many_policies_pictures_show_the_reference_ones_own_and_the_best():
     looks = styles(policies, shown)
     assert len({(look["color"], look.get("marker")) for look in looks.values()}) == 9
     assert [look["label"] for name, look in looks.items() if name not in shown] == ["4 others", None, None, None]
+
+
+def test_failed_episodes_are_listed_with_the_command_that_shows_them(results):
+    assert failures(results[:20]) == ""
+    text = failures(results)
+    assert text.endswith("| scenario | b | 3 |\n") and "lanekeep play --run FOLDER" in text
+    many = failures([line("a", k, 1.0, failed=True) for k in reversed(range(30))])
+    assert many.endswith(f"| scenario | a | {', '.join(map(str, range(20)))}, … |\n")

@@ -1,0 +1,46 @@
+"""Laps of drawn circuits among boxes, as published and improved: how many are driven without a contact."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import lanekeep_baselines
+
+ID = "lanekeep/ObstacleCircuit-v0"
+
+
+def endings(name: str, seed: int, count: int) -> list[str]:
+    """Drive ``count`` circuits with noise and the Kinect's faults: "lap", "contact" or "timeout" of each."""
+    world = {"kind": "random-obstacle-circuits", "seed": seed, "count": count}
+    faults = {"sensors": "production", "encoder_ticks": 40, "scan": "kinect-columns"}
+    env = gym.make_vec(ID, count, "vector_entry_point", world=world, **faults)
+    policy = lanekeep_baselines.make(name, env.unwrapped.scenario)
+    observation, _ = env.reset(seed=seed, options={"world_index": np.arange(count)})
+    found, state, starts = [""] * count, np.zeros((count, policy.memory)), np.ones(count, dtype=bool)
+    while live := [i for i, ending in enumerate(found) if not ending]:
+        action = np.zeros((count, 2), dtype=np.float32)
+        action[live], state[live] = policy.predict(observation[live], state[live], starts[live])
+        starts[:] = False
+        observation, _, terminated, truncated, info = env.step(np.clip(action, -1.0, 1.0))
+        for i in live:
+            if terminated[i] or truncated[i]:
+                found[i] = "contact" if info["cost"][i] > 0.0 else "lap" if terminated[i] else "timeout"
+    env.close()
+    print(name, Counter(found), [i for i, ending in enumerate(found) if ending != "lap"])
+    return found
+
+
+def test_a_few_circuits() -> None:
+    assert endings("knightriders-obstacles", 3005, 24).count("lap") >= 23
+
+
+@pytest.mark.slow
+def test_two_hundred_circuits_beside_the_published_form() -> None:
+    improved = endings("knightriders-obstacles", 160272, 200)
+    published = endings("knightriders-obstacles-published", 160272, 200)
+    assert improved.count("contact") <= 0.03 * 200
+    assert 2 * (200 - improved.count("lap")) < 200 - published.count("lap")
