@@ -105,8 +105,8 @@ def _drawing(
         points = np.column_stack([columns["x"], columns["y"]])
         return Drawing(points, None, table.lines, widths, speeds, (*assumed, *compare(points, columns, name)))
     if "lat" in needed:
-        points, how = projected(columns["lat"], columns["lon"], name)
-        return Drawing(points, None, table.lines, widths, speeds, (*assumed, how))
+        points, rounding, how = projected(columns["lat"], columns["lon"], name)
+        return Drawing(points, None, table.lines, widths, speeds, (*assumed, how), rounding)
     if "length" in needed:
         return Drawing(None, clothoids(name, columns["length"], columns["start"], columns["end"]), assumed=assumed)
     return Drawing(None, _profile(table, columns["s"], columns["kappa"], name), None, widths, speeds, assumed)
