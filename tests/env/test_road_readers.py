@@ -43,6 +43,7 @@ TABLES = {
     "kilometres": lines(KM, header=["x_km,y_km"], digits=9),
     "millimetres": lines(1000 * POINTS, header=["x (mm),y (mm)"]),
     "heights": lines(np.c_[X, Y, Z], header=["x,y,z"]),
+    "heights between": lines(np.c_[X, Z, Y], header=["x_m,height,y_m"]),
     "arc length first": lines(np.c_[S, X, Y], header=["s,x,y"]),
     "TUM raceline": lines(
         np.c_[S, X, Y, HEADING, BEND, Z + 8, Z], "; ", header=["# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2"]
@@ -308,6 +309,7 @@ WAYS_OUT = [
     ("road.csv", lines(1000 * POINTS), ["from the point before", "x_mm"]),
     ("road.csv", lines(degrees(POINTS), digits=9), ["m long", "lat,lon"]),
     ("road.csv", lines(np.c_[X, Y, Z]), ["3 columns without names", "x_m,y_m"]),
+    ("road.txt", lines(np.c_[X, Z, Y]), ["column 2 never changes", "begin with the line x_m,height,y_m"]),
     ("road.csv", lines(np.c_[S, Z], header=["s,phi"]), ["known are s", "kappa_radpm"]),
     ("road.csv", lines(POINTS, header=["x_rad,y_rad"]), ["'x_rad' is in 'rad'", "allowed: m, km"]),
     ("road.csv", lines(POINTS, header=["x_pixel,y_pixel"]), ["known are none"]),
