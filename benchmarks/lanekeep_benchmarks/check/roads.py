@@ -54,7 +54,7 @@ def draw_road(road: Road) -> bytes:
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
-    from lanekeep_benchmarks.plots import png
+    from lanekeep_benchmarks.looks import png, scale_bar
 
     s = np.linspace(0.0, road.length, 4000)
     points, bend = road.position(s), road.curvature(s)
@@ -74,6 +74,7 @@ def draw_road(road: Road) -> bytes:
     plan.set_aspect("equal", adjustable="datalim")
     plan.autoscale_view()
     plan.set(title=f"{road.name}: {road.length:.0f} m", xlabel="x [m]", ylabel="y [m]")
+    scale_bar(plan, float(np.ptp(points, axis=0).max()))
     upper.plot(s, bend, lw=0.8)
     upper.set(ylabel="curvature [1/m]")
     lower.plot(driven.stations, speed, lw=0.8)
