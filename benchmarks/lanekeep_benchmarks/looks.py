@@ -71,9 +71,9 @@ def png(figure: Figure) -> bytes:
 def scale_bar(axes: Axes, extent: float) -> None:
     """A bar of a round length, about a fifth of the ``extent`` in m: below the picture, inside where it has axes."""
     length = bar_length(extent)
-    low = 0.02 if axes.axison else -0.02
+    corner, place = ("lower right", (0.98, 0.02)) if axes.axison else ("lower left", (0.0, -0.02))
     bar = AnchoredSizeBar(
-        axes.transData, length, f"{length:g} m", "lower left", bbox_to_anchor=(0.02 * axes.axison, low), frameon=False,
+        axes.transData, length, f"{length:g} m", corner, bbox_to_anchor=place, frameon=False,
         bbox_transform=axes.transAxes, size_vertical=0.004 * extent, label_top=True, borderpad=0.0,
     )  # fmt: skip
     axes.add_artist(bar)

@@ -66,7 +66,7 @@ def draw_road(road: Road) -> bytes:
     most = max(float(np.percentile(np.abs(bend), 98.0)), 1e-6)  # a hairpin would leave all else grey
     line.set_clim(-most, most)
     plan.add_collection(line)
-    if road.given is not None:
+    if road.given is not None and len(road.given) < 400:  # more would hide the line and its colours
         plan.plot(*road.given.T, ".", ms=1.0, color="k")
     ahead = road.position(min(0.04 * road.length, 100.0))
     plan.annotate("", tuple(ahead), tuple(points[0]), arrowprops={"arrowstyle": "-|>", "color": "k", "lw": 2.0})
