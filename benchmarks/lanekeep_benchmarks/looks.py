@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
 from lanekeep_benchmarks.own_code import is_code
 from lanekeep_benchmarks.summary import columns_of
+from lanekeep_env.rendering.scale import bar_length
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,11 +69,11 @@ def png(figure: Figure) -> bytes:
 
 
 def scale_bar(axes: Axes, extent: float) -> None:
-    """A bar of a round length, about a fifth of the ``extent`` in m, below the picture."""
-    power = 10.0 ** math.floor(math.log10(extent / 5.0))
-    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= extent / 5.0)
+    """A bar of a round length, about a fifth of the ``extent`` in m: below the picture, inside where it has axes."""
+    length = bar_length(extent)
+    corner, place = ("lower right", (0.98, 0.02)) if axes.axison else ("lower left", (0.0, -0.02))
     bar = AnchoredSizeBar(
-        axes.transData, length, f"{length:g} m", "lower left", bbox_to_anchor=(0.0, -0.02), frameon=False,
+        axes.transData, length, f"{length:g} m", corner, bbox_to_anchor=place, frameon=False,
         bbox_transform=axes.transAxes, size_vertical=0.004 * extent, label_top=True, borderpad=0.0,
     )  # fmt: skip
     axes.add_artist(bar)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lanekeep_env.rendering.scale import draw_bar
 from lanekeep_env.roads import Road
 from lanekeep_env.scenario import CameraLaneScenario, RoadScenario
 from lanekeep_env.traffic.follow import LENGTH
@@ -136,6 +137,7 @@ class RoadPicture:
         self._car(pose, screen)
         if isinstance(self._scenario, CameraLaneScenario):
             self._camera(pose, self._scenario, screen)
+        draw_bar(pg, sheet, window, self._scenario.view, self._fonts[18], _INK)
         sheet.set_clip(None)
 
     def _car(self, pose: Pose, screen: Any) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from lanekeep_env import layout as at
+from lanekeep_env.rendering.scale import draw_bar
 from lanekeep_env.scenario.walls import WallFollowScenario
 from lanekeep_env.walls import World
 
@@ -112,6 +113,7 @@ class WallPicture:
         for a, b, (_, _, back) in zip(points[:-1], points[1:], list(self._driven)[1:], strict=True):
             pg.draw.line(sheet, _BACK if back else _PATH, a, b, 2 * SCALE)
         self._car(pose, screen)
+        draw_bar(pg, sheet, window, span, self._fonts[18], _INK)
         sheet.set_clip(None)
 
     def _fill(self, world: World, screen: Any) -> None:

@@ -90,7 +90,8 @@ def road_of(drawing: Drawing, title: str, name: str, closed: bool | None, smooth
     else:
         points = _checked(drawing, name)
         try:
-            road = fit_centre_line(title, points, _is_closed(points) if closed is None else closed, smoothing)
+            loop = _is_closed(points) if closed is None else closed
+            road = fit_centre_line(title, points, loop, smoothing, drawing.rounding)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
         stations = road.beside[:, 0] if road.beside is not None else np.zeros(len(points))

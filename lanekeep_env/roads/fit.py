@@ -31,7 +31,9 @@ _SMOOTHER = 0.02
 _UNITS = "are they in m? Name the columns with their unit (x_km,y_km or x_mm,y_mm), or lat,lon"
 
 
-def fit_centre_line(name: str, points: Floats, closed: bool, smoothing: float | None = None) -> Road:
+def fit_centre_line(
+    name: str, points: Floats, closed: bool, smoothing: float | None = None, rounding: float = 0.0
+) -> Road:
     """Return the road through ``points`` (n, 2), m; raises ValueError where they make no road.
 
     Args:
@@ -40,6 +42,7 @@ def fit_centre_line(name: str, points: Floats, closed: bool, smoothing: float | 
         closed: whether the last point leads back to the first.
         smoothing: standard deviation by which the points scatter, m; 0 for none, None to estimate it: the road is then
             refused where that leaves its curvature unknown.
+        rounding: what they scatter at the least, where it is estimated, m.
 
     The road's `fit_error` is the largest distance of a given point from it.
     """
@@ -47,7 +50,7 @@ def fit_centre_line(name: str, points: Floats, closed: bool, smoothing: float | 
     line = points[kept]
     chord = np.hypot(*np.diff(np.vstack([line, line[:1]]) if closed else line, axis=0).T)
     _check_size(chord)
-    scatter = scatter_of(line, closed) if smoothing is None else smoothing
+    scatter = max(scatter_of(line, closed), rounding) if smoothing is None else smoothing
     sharpest = _sharpest(line, closed)
     spacing = float(np.median(chord))
     told: tuple[str, ...] = () if len(line) == len(points) else (f"{len(points) - len(line)} repeated points left out",)
@@ -70,7 +73,7 @@ def fit_centre_line(name: str, points: Floats, closed: bool, smoothing: float | 
         begin = np.concatenate([[0.0], np.cumsum(chord)])[: len(line)]
         along, apart = _nearest(road, line, begin * road.length / chord.sum())
     road = replace(road, fit_error=float(apart.max()), given=line, assumed=told)
-    _check_fit(road, spacing, scatter, smoothing)
+    _check_fit(road, spacing, scatter, rounding if smoothing is None else smoothing)
     # Points that were left out take the place of their twins.
     twin = np.clip(np.searchsorted(kept, np.arange(len(points)), side="right") - 1, 0, None)
     return replace(road, beside=np.column_stack([along[twin], np.full((len(points), 3), np.nan)]))
@@ -87,8 +90,9 @@ def _check_size(chord: Floats) -> None:
         )
 
 
-def _check_fit(road: Road, spacing: float, scatter: float, smoothing: float | None) -> None:
-    allowed = LARGEST_FIT_ERROR + 6.0 * (smoothing or 0.0)
+def _check_fit(road: Road, spacing: float, scatter: float, known: float) -> None:
+    """Refuse a road that misses its points by more than allowed; they are ``known`` to scatter so far, m."""
+    allowed = LARGEST_FIT_ERROR + 6.0 * known
     if not road.fit_error <= allowed:
         raise ValueError(
             f"the road misses a point by {road.fit_error:.2f} m, allowed are {allowed:.3g} m; points this rough (they "

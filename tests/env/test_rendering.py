@@ -6,11 +6,14 @@ import sys
 import gymnasium as gym
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import lanekeep_env
 
 pytest.importorskip("pygame")
 from lanekeep_env.rendering import road_picture
+from lanekeep_env.rendering.scale import bar_length
 
 IDS = sorted(lanekeep_env.ENVIRONMENTS)
 CAR = np.array(road_picture._CAR)
@@ -48,6 +51,23 @@ def test_a_car_left_of_the_centre_is_drawn_left_of_it(lateral):
     per_metre = road_picture.WIDTH / env.unwrapped.scenario.view
     assert road_picture.VIEW_HEIGHT / 2 - rows.mean() == pytest.approx(lateral * per_metre, abs=1.5)
     assert np.ptp(columns) == pytest.approx(4.5 * per_metre, abs=4)
+
+
+def test_the_bar_is_as_long_as_it_says():
+    """20 m in a view of 100 m."""
+    env = gym.make("lanekeep/LaneKeep-v0", render_mode="rgb_array", **STRAIGHT)
+    env.reset(seed=0)
+    row = env.render()[road_picture.VIEW_HEIGHT - 13].astype(int)
+    dark = np.flatnonzero(row.sum(axis=1) < 250)
+    assert env.unwrapped.scenario.view == 100.0 and bar_length(100.0) == 20.0
+    assert np.ptp(dark) + 1 == pytest.approx(0.2 * road_picture.WIDTH, abs=1.0) == len(dark)
+
+
+@given(st.floats(1e-3, 1e6))
+def test_bars_have_round_lengths_of_about_a_fifth(extent):
+    length = bar_length(extent)
+    assert extent / 12.51 < length <= extent / 5.0
+    assert f"{length:e}"[0] in "125" and float(f"{length:.0e}") == pytest.approx(length, rel=1e-12)
 
 
 def test_a_car_that_left_its_lane_is_marked():

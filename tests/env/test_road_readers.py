@@ -43,6 +43,7 @@ TABLES = {
     "kilometres": lines(KM, header=["x_km,y_km"], digits=9),
     "millimetres": lines(1000 * POINTS, header=["x (mm),y (mm)"]),
     "heights": lines(np.c_[X, Y, Z], header=["x,y,z"]),
+    "heights between": lines(np.c_[X, Z, Y], header=["x_m,height,y_m"]),
     "arc length first": lines(np.c_[S, X, Y], header=["s,x,y"]),
     "TUM raceline": lines(
         np.c_[S, X, Y, HEADING, BEND, Z + 8, Z], "; ", header=["# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2"]
@@ -166,6 +167,21 @@ def _latlon(latlon):
     return lines(latlon[:, ::-1], header=["lon,lat"], digits=9)
 
 
+@pytest.mark.filterwarnings("ignore:road 'road'. points scatter")
+@pytest.mark.parametrize("digits", [6, 7])
+@pytest.mark.parametrize("spacing", [0.5, 2.0, 5.0])
+def test_rounded_degrees_are_smoothed(tmp_path, spacing, digits):
+    """To 11 and to 1 cm, also where most straights go along the grid of what was rounded, which hides it."""
+    bend = [[60.0, 0.0, 0.02], [60.0, 0.02, 0.02], [60.0, 0.02, 0.0]]
+    truth = Road("truth", *np.array([[200, 0, 0], *bend, [200, 0, 0], [60, 0, -0.01], [80, -0.01, -0.01]]).T)
+    given = np.arange(0.0, truth.length, spacing)
+    path = tmp_path / "road.csv"
+    path.write_text(lines(degrees(truth.position(given)), header=["lat,lon"], digits=digits))
+    road, s = read_road(path), np.linspace(10.0, truth.length - 20.0, 4000)
+    error = road.curvature(s * road.length / given[-1]) - truth.curvature(s)
+    assert np.sqrt(np.mean(error**2)) < 5e-4
+
+
 @pytest.mark.parametrize("ending, write", [("gpx", _gpx), ("kml", _kml), ("geojson", _geojson), ("csv", _latlon)])
 def test_degrees_are_projected_locally(tmp_path, ending, write):
     path = tmp_path / f"road.{ending}"
@@ -180,9 +196,9 @@ def test_degrees_are_projected_locally(tmp_path, ending, write):
 
 def test_projection_against_a_meridian_arc():
     """One degree of latitude at the equator is 110,574.4 m (WGS 84), at the pole 111,694; at 45 deg of longitude..."""
-    points, _ = projected(np.array([-0.25, 0.25]), np.zeros(2), "it")
+    points, _, _ = projected(np.array([-0.25, 0.25]), np.zeros(2), "it")
     assert np.hypot(*np.diff(points, axis=0)[0]) == pytest.approx(110574.4 / 2, rel=2e-5)
-    points, _ = projected(np.zeros(2), np.array([179.9, -179.9]), "it")  # across the date line, R 2 pi / 1800
+    points, _, _ = projected(np.zeros(2), np.array([179.9, -179.9]), "it")  # across the date line, R 2 pi / 1800
     assert np.hypot(*np.diff(points, axis=0)[0]) == pytest.approx(2 * math.pi * 6378137 / 1800, rel=1e-5)
 
 
@@ -293,6 +309,7 @@ WAYS_OUT = [
     ("road.csv", lines(1000 * POINTS), ["from the point before", "x_mm"]),
     ("road.csv", lines(degrees(POINTS), digits=9), ["m long", "lat,lon"]),
     ("road.csv", lines(np.c_[X, Y, Z]), ["3 columns without names", "x_m,y_m"]),
+    ("road.txt", lines(np.c_[X, Z, Y]), ["column 2 never changes", "begin with the line x_m,height,y_m"]),
     ("road.csv", lines(np.c_[S, Z], header=["s,phi"]), ["known are s", "kappa_radpm"]),
     ("road.csv", lines(POINTS, header=["x_rad,y_rad"]), ["'x_rad' is in 'rad'", "allowed: m, km"]),
     ("road.csv", lines(POINTS, header=["x_pixel,y_pixel"]), ["known are none"]),

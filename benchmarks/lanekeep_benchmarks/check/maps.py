@@ -51,7 +51,7 @@ def draw_map(world: World) -> bytes:
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
-    from lanekeep_benchmarks.plots import png
+    from lanekeep_benchmarks.looks import png, scale_bar
 
     figure = Figure(figsize=(8.0, 8.0), layout="constrained")
     plan = figure.add_subplot()
@@ -63,4 +63,5 @@ def draw_map(world: World) -> bytes:
     plan.set_aspect("equal")
     plan.autoscale_view()
     plan.set(title=world.name, xlabel="x [m]", ylabel="y [m]")
+    scale_bar(plan, float(np.ptp(world.segments.reshape(-1, 2), axis=0).max()))
     return png(figure)

@@ -54,7 +54,7 @@ def draw_road(road: Road) -> bytes:
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
-    from lanekeep_benchmarks.plots import png
+    from lanekeep_benchmarks.looks import png, scale_bar
 
     s = np.linspace(0.0, road.length, 4000)
     points, bend = road.position(s), road.curvature(s)
@@ -66,7 +66,7 @@ def draw_road(road: Road) -> bytes:
     most = max(float(np.percentile(np.abs(bend), 98.0)), 1e-6)  # a hairpin would leave all else grey
     line.set_clim(-most, most)
     plan.add_collection(line)
-    if road.given is not None:
+    if road.given is not None and len(road.given) < 400:  # more would hide the line and its colours
         plan.plot(*road.given.T, ".", ms=1.0, color="k")
     ahead = road.position(min(0.04 * road.length, 100.0))
     plan.annotate("", tuple(ahead), tuple(points[0]), arrowprops={"arrowstyle": "-|>", "color": "k", "lw": 2.0})
@@ -74,6 +74,7 @@ def draw_road(road: Road) -> bytes:
     plan.set_aspect("equal", adjustable="datalim")
     plan.autoscale_view()
     plan.set(title=f"{road.name}: {road.length:.0f} m", xlabel="x [m]", ylabel="y [m]")
+    scale_bar(plan, float(np.ptp(points, axis=0).max()))
     upper.plot(s, bend, lw=0.8)
     upper.set(ylabel="curvature [1/m]")
     lower.plot(driven.stations, speed, lw=0.8)

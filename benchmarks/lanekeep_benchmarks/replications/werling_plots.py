@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lanekeep_baselines.werling_longitudinal import LongitudinalTuning
-from lanekeep_benchmarks.plots import GRID, colour_of, png
+from lanekeep_benchmarks.looks import GRID, colour_of, png, scale_bar
 from lanekeep_benchmarks.replications.passat import Drive, Floats
 from lanekeep_env.physics.parameters import VehicleParameters
 
@@ -87,6 +87,7 @@ def figure_9(runs: Mapping[str, Drive], car: VehicleParameters) -> bytes:
     world.set_xlabel("x [m]")
     world.set_ylabel("y [m]")
     world.legend(frameon=False, fontsize=8, loc="upper right")
+    scale_bar(world, 16.5)
     for place, (name, run) in enumerate(runs.items()):
         way = road.length - run.station[:, 0]
         error.plot(way, 100.0 * run["lateral_error"][:, 0], color=colour_of(place), linewidth=1.2, label=name)

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lanekeep_baselines.identification import DrivenRun
-from lanekeep_benchmarks.plots import GRID, colour_of, png
+from lanekeep_benchmarks.looks import GRID, colour_of, png, scale_bar
 from lanekeep_benchmarks.replications.passat import Floats
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.roads import Road
@@ -46,6 +46,7 @@ def identification(run: DrivenRun, model: Floats) -> bytes:
     course.grid(**GRID)
     course.set_xlabel("x [m]")
     course.set_ylabel("y [m]")
+    scale_bar(course, float(max(np.ptp(run.x), np.ptp(run.y))))
     figure.suptitle("Identification: a run that the model was not fitted to, from command and speed alone", fontsize=11)
     return png(figure)
 
@@ -99,6 +100,8 @@ def driven_path(road: Road, courses: Mapping[str, Floats]) -> bytes:
     whole.set_ylim(low[1], high[1])
     whole.set_ylabel("y [m]")
     whole.legend(frameon=False, fontsize=8)
+    scale_bar(whole, float(np.ptp(path, axis=0).max()))
+    scale_bar(detail, 80.0)
     figure.suptitle("Scenario (b): the driven path", fontsize=11)
     return png(figure)
 

@@ -105,8 +105,8 @@ def _drawing(
         points = np.column_stack([columns["x"], columns["y"]])
         return Drawing(points, None, table.lines, widths, speeds, (*assumed, *compare(points, columns, name)))
     if "lat" in needed:
-        points, how = projected(columns["lat"], columns["lon"], name)
-        return Drawing(points, None, table.lines, widths, speeds, (*assumed, how))
+        points, rounding, how = projected(columns["lat"], columns["lon"], name)
+        return Drawing(points, None, table.lines, widths, speeds, (*assumed, how), rounding)
     if "length" in needed:
         return Drawing(None, clothoids(name, columns["length"], columns["start"], columns["end"]), assumed=assumed)
     return Drawing(None, _profile(table, columns["s"], columns["kappa"], name), None, widths, speeds, assumed)
@@ -161,7 +161,7 @@ def _by_position(table: Table, name: str) -> tuple[dict[str, Floats], tuple[str,
     if count not in (2, 4):
         raise ValueError(
             f"{name}, line {table.lines[0]}: {count} columns without names; allowed are 2 (x, y) or 4 (with widths "
-            f"right and left), or {WAY_OUT}"
+            f"right and left); {_height(table)}{WAY_OUT}"
         )
     if count == 4 and _split_decimals(table.values):
         raise ValueError(
@@ -171,6 +171,16 @@ def _by_position(table: Table, name: str) -> tuple[dict[str, Floats], tuple[str,
     quantities = ("x", "y", "right", "left")[:count]
     columns = {quantity: table.values[:, k] for k, quantity in enumerate(quantities)}
     return columns, (f"columns without names as {', '.join(quantities)} in m",)
+
+
+def _height(table: Table) -> str:
+    """What to do about a column of three that never changes, as in waypoints of simulators."""
+    flat = np.flatnonzero(np.ptp(table.values, axis=0) == 0.0)
+    if table.values.shape[1] != 3 or len(flat) != 1:
+        return ""
+    names = ["x_m", "y_m"]
+    names.insert(int(flat[0]), "height")
+    return f"column {flat[0] + 1} never changes: if it is the height, begin with the line {','.join(names)}; or "
 
 
 def _split_decimals(values: Floats) -> bool:

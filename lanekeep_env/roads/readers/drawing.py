@@ -21,6 +21,7 @@ class Drawing:
         widths: of the lane or track to the left and right of each point, m, (n, 2), or None.
         speeds: at each point, m/s, (n,), or None; of a road at each segment's border.
         assumed: what was taken for granted, one phrase each.
+        rounding: how far rounded coordinates scatter the points, m, a standard deviation.
     """
 
     points: Floats | None = None
@@ -29,6 +30,7 @@ class Drawing:
     widths: Floats | None = None
     speeds: Floats | None = None
     assumed: tuple[str, ...] = ()
+    rounding: float = 0.0
 
     def place(self, number: int) -> str:
         """Where a point is, for errors."""

@@ -13,8 +13,8 @@ _SQUARE = _FLATTENING * (2.0 - _FLATTENING)
 FARTHEST = 50_000.0
 
 
-def projected(latitude: Floats, longitude: Floats, name: str) -> tuple[Floats, str]:
-    """Return east and north of the middle, m, (n, 2), and what that assumes.
+def projected(latitude: Floats, longitude: Floats, name: str) -> tuple[Floats, float, str]:
+    """Return east and north of the middle, m, (n, 2), how far rounded degrees scatter them, m, and what that assumes.
 
     Heights are left out. At a distance d from the middle lengths are short by up to d² / 2R², R the earth's radius.
 
@@ -26,6 +26,7 @@ def projected(latitude: Floats, longitude: Floats, name: str) -> tuple[Floats, s
             raise ValueError(
                 f"{name}: a {word} of {values[np.argmax(np.abs(values))]:g} deg; allowed are +-{most:g} deg"
             )
+    rounding = np.array([_rounding(longitude), _rounding(latitude)])
     # Across 180 degrees a line goes on.
     longitude = np.degrees(np.unwrap(np.radians(longitude)))
     phi, lam = np.radians(latitude), np.radians(longitude)
@@ -42,7 +43,15 @@ def projected(latitude: Floats, longitude: Floats, name: str) -> tuple[Floats, s
         )
     shortened = 1e6 * 0.5 * (far / _AXIS) ** 2
     place = f"{np.degrees(phi0):.4f}, {np.degrees(lam0):.4f}"
-    return points, f"latitude, longitude projected around {place} deg (lengths short by up to {shortened:.2g} mm a km)"
+    scatter = np.radians(rounding) * _AXIS * [np.cos(phi0), 1.0]
+    how = f"latitude, longitude projected around {place} deg (lengths short by up to {shortened:.2g} mm a km)"
+    return points, float(np.sqrt(np.mean(scatter**2))), how
+
+
+def _rounding(degrees: Floats) -> float:
+    """Standard deviation of what was cut off behind the last decimal, deg; 0 where more than 9 are given."""
+    digits = next((k for k in range(10) if np.abs(np.round(degrees, k) - degrees).max() < 1e-12), None)
+    return 0.0 if digits is None else 10.0**-digits / np.sqrt(12.0)
 
 
 def _earth(phi: Floats, lam: Floats) -> tuple[Floats, Floats, Floats]:

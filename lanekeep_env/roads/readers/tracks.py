@@ -97,9 +97,9 @@ def _chosen(lines: Sequence[Line], name: str, choice: Choice, kind: str) -> Draw
     if len(lines[which]) > MOST_POINTS:
         raise ValueError(f"{name} has {len(lines[which])} points; allowed are {MOST_POINTS}: leave out some of them")
     longitude, latitude = np.array(lines[which], dtype=np.float64).T
-    points, how = projected(latitude, longitude, name)
+    points, rounding, how = projected(latitude, longitude, name)
     told = () if len(lines) == 1 else (f"number {which + 1} of {len(lines)} {kind} (track= takes another)",)
-    return Drawing(points, assumed=(*told, how))
+    return Drawing(points, assumed=(*told, how), rounding=rounding)
 
 
 def _tag(tag: str) -> str:
