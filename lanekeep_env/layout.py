@@ -142,7 +142,12 @@ EVENT_STEP = 107  # control step at which the timeline's next event is due
 UP_FROM = 108  # speed from which on a gear change up may be due, m/s
 DOWN_BELOW = 109  # speed below which one down may be due without kick-down, m/s
 DUE = 110  # 1 where an event or a gear change may be due at the start of the control step
-CAR_ROWS = 111  # further rows, as many as needed: commands (newest first), then the sensors' rows
+POSITION_GAP = 111  # way along the road to the set position, m; NOWHERE for none
+POSITION_SPEED = 112  # its speed, m/s ...
+POSITION_PULL = 113  # ... and acceleration, m/s²
+POSITION_TARGET = 114  # speed that it goes to, m/s ...
+POSITION_RATE = 115  # ... and how fast, m/s²
+CAR_ROWS = 116  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the car (a uint64, reinterpreted)
@@ -242,7 +247,8 @@ SECOND_LOW = 80  # its least value that counts
 SECOND_SCALE = 81  # what is asked for at 1
 CIRCLE = 82  # share of the friction that engine and brake take at the most, leaving the rest across; 0: no circle
 GATHERED = 83  # how many channels are rows as they stand
-CHANNELS = 84  # low and high of each channel follow, then column and source (a row) of each gathered one
+TRACKS = 84  # 1 where set positions may come
+CHANNELS = 85  # low and high of each channel follow, then column and source (a row) of each gathered one
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample, then:
@@ -331,8 +337,9 @@ DRIVE_SIZE = 35
 # timelines: (timelines, events, 4): time (s), kind, and up to two numbers; unused events are at inf
 E_TIME, E_KIND, E_FIRST, E_SECOND = 0, 1, 2, 3
 SPEED_EVENT, LEAD_EVENT, LEAD_GONE, STOP_EVENT, STOP_GONE, LEAD_SPEED_EVENT = 0, 1, 2, 3, 4, 5
+POSITION_EVENT, POSITION_SPEED_EVENT, POSITION_GONE = 6, 7, 8
 FAR = 200.0  # how far cars ahead and stop points are seen, m
-NOWHERE = 1e6  # gap of a car ahead that is not there, m
+NOWHERE = 1e6  # gap of a car ahead, or a set position, that is not there, m
 
 # camera: float64, or None for an environment without; CAMERA_SIZE numbers, then one a road segment: 1 where its
 # edge is marked

@@ -130,6 +130,7 @@ class DriveScenario(LaneKeepScenario):
             at.SPEED_REFERENCE: self.reference_speed_error,
             at.SECOND: (at.PEDAL, -1.0, 1.0),
             at.CIRCLE: LARGEST_ALONG if self.friction_circle else 0.0,
+            at.TRACKS: float(self.traffic.tracks),
         }
 
     def _slowest(self) -> float:
@@ -163,4 +164,21 @@ class DriveScenario(LaneKeepScenario):
             Channel("lead_gap", "m", 0.0, far, f"to the car ahead, {far:g} without one", at.LEAD_GAP),
             Channel("lead_speed", "m/s", 0.0, 100.0, "of the car ahead", at.LEAD_SEEN),
             Channel("stop_gap", "m", -far, far, f"to the stop point, {far:g} without one", at.STOP_GAP),
+            *(self._position_channels() if self.traffic.tracks else ()),
+        ]
+
+    @staticmethod
+    def _position_channels() -> list[Channel]:
+        far = float(at.FAR)
+        return [
+            Channel(
+                "position_gap",
+                "m",
+                -far,
+                far,
+                f"along the road to the set position, {far:g} without one",
+                at.POSITION_GAP,
+            ),
+            Channel("position_speed", "m/s", 0.0, 100.0, "of the set position", at.POSITION_SPEED),
+            Channel("position_acceleration", "m/s²", -20.0, 20.0, "of the set position", at.POSITION_PULL),
         ]

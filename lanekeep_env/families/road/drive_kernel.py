@@ -11,7 +11,7 @@ from lanekeep_env.families.road.kernel import ON_ROADS, judge_lane, report
 from lanekeep_env.physics.numeric import like, magnitude, select, smaller
 from lanekeep_env.physics.powertrain import change_gear, find_due, pull
 from lanekeep_env.tasks.avoidable import avoided
-from lanekeep_env.tasks.driving import AT_THE_STOP, happen, move_on, wanted_speed
+from lanekeep_env.tasks.driving import AT_THE_STOP, happen, lead_on, move_on, wanted_speed
 from lanekeep_env.tasks.termination import CONTACT, STOP_PASSED
 
 # Behind sensors, gear, floor and camera the equipment holds the powertrain's numbers and the timelines.
@@ -83,7 +83,10 @@ def _judge(k, cars, counters, world, settings, equipment, outcome):
     n = cars_in(k, cars, counters)
     block, told = cars[k], outcome[:, first : first + n]
     judge_lane(n, block, settings, told)
-    endings = move_on(n, settings[at.STEP_TIME] * settings[at.SUBSTEPS], block)
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    endings = move_on(n, seconds, block)
+    if settings[at.TRACKS] > like(seconds, 0.0):
+        lead_on(n, seconds, block)
     _charge_speed(n, first, block, settings, outcome)
     if endings > 0:
         _end(n, block, counters[:, first:], world[0], settings, equipment, told)
