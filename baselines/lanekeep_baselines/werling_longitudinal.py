@@ -52,11 +52,18 @@ class Grip(NamedTuple):
 
 
 class SetPosition(NamedTuple):
-    """Way along the path to the set position, m, inf for none, its speed, m/s, and acceleration, m/s², (n,) each."""
+    """Of the set position, (n,) each.
+
+    Attributes:
+        gap: way to it along the path, m, inf for none.
+        speed, acceleration: its own, m/s and m/s².
+        pace: our way along the path over what we drive, cos(theta)/(1 - d kappa) of (3).
+    """
 
     gap: Floats
     speed: Floats
     acceleration: Floats
+    pace: Floats
 
 
 #: Of a road of which nothing is known.
@@ -109,9 +116,13 @@ def speed_law(tuning: LongitudinalTuning, v: Floats, wanted: Floats) -> Floats:
 
 
 def position_law(tuning: LongitudinalTuning, v: Floats, at: SetPosition) -> Floats:
-    """Return a = a_p + 2 omega (v_p - v) + omega² (s_p - s), m/s², (n,), ``v`` along the path; 0 without one."""
+    """Return a = (a_p + 2 omega (v_p - s') + omega² (s_p - s))/pace, m/s², (n,); 0 without a set position.
+
+    The pace is taken as constant: its change is what the lateral law makes small.
+    """
     gap, rate = np.where(np.isfinite(at.gap), at.gap, 0.0), tuning.tracking
-    return np.where(np.isfinite(at.gap), at.acceleration + rate * (2.0 * (at.speed - v) + rate * gap), 0.0)
+    wanted = at.acceleration + rate * (2.0 * (at.speed - v * at.pace) + rate * gap)
+    return np.where(np.isfinite(at.gap), wanted / at.pace, 0.0)
 
 
 def gap_law(tuning: LongitudinalTuning, v: Floats, gap: Floats, gap_change: Floats, grip: Grip = UNKNOWN) -> Floats:

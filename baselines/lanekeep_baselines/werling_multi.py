@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.werling import GripScenario, WerlingLateral, WerlingLateralAhead
 from lanekeep_baselines.werling_drive import AccelerationIntegrator, EngineMap, split_range
+from lanekeep_baselines.werling_lateral import SMALLEST
 from lanekeep_baselines.werling_longitudinal import Grip, LongitudinalControl, LongitudinalTuning, SetPosition
 from lanekeep_baselines.werling_tyres import WerlingCar
 from lanekeep_env.physics.parameters import GRAVITY
@@ -154,7 +155,9 @@ class WerlingDrive(WerlingLateralAhead):
             return None
         gap = at["position_gap"]
         gap = np.where((gap >= self._far) | (at["gear"] < -0.5), np.inf, gap)
-        return SetPosition(gap, at["position_speed"], at["position_acceleration"])
+        course, kappa = at["heading_error"] + at["sideslip"], at[self._samples[0]]
+        pace = np.maximum(np.cos(course), SMALLEST) / np.maximum(1.0 - at["lateral_error"] * kappa, SMALLEST)
+        return SetPosition(gap, at["position_speed"], at["position_acceleration"], pace)
 
     def pedal(self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool) -> tuple[Floats, Floats]:
         """Return the pedal, throttle positive, brake negative, (n,), and the next memory."""
