@@ -302,7 +302,7 @@ SPACE_COLUMNS = 5
 # drive: (numbers, timelines), or None without a powertrain; numbers in this order:
 D_PEAK_TORQUE = 0  # N m
 D_PEAK_SPEED = 1  # of the engine at it, rad/s
-D_WIDTH = 2  # from there to no torque, rad/s
+D_NARROWNESS = 2  # one over what is from there to no torque, s/rad
 D_DRAG = 3  # of the engine with closed throttle, N m
 D_DRAG_SLOPE = 4  # N m s/rad
 D_IDLE = 5  # rad/s
@@ -310,7 +310,7 @@ D_EFFICIENCY = 6  # of the gears
 D_AIR = 7  # half density times drag area, N s²/m²
 D_ROLL = 8  # rolling resistance over weight
 D_CREEP = 9  # acceleration by the converter at standstill, m/s²
-D_CREEP_SPEED = 10  # m/s
+D_CREEP_FALL = 10  # share of it that is lost for each m/s
 D_BRAKE = 11  # deceleration of the full brake, m/s²
 D_PEDAL_SHARE = 12  # share of the remaining way that throttle and brake go in a sub-step
 D_UP = 13  # engine speed of an upshift up to part throttle, rad/s ...

@@ -149,7 +149,7 @@ def wanted_speed(set_speed, gap, stop):
     """
     zero, far = like(gap, 0.0), like(gap, at.FAR)
     wanted = magnitude(set_speed)
-    follow = larger((gap - like(gap, STANDING_GAP)) / like(gap, TIME_GAP), zero)
+    follow = larger((gap - like(gap, STANDING_GAP)) * like(gap, 1.0 / TIME_GAP), zero)
     wanted = select(gap < far, smaller(wanted, follow), wanted)
     brake = sqrt(like(gap, 2.0 * BRAKING) * larger(stop, zero))
     wanted = select(stop < far, smaller(wanted, brake), wanted)

@@ -16,7 +16,7 @@ DIFFERENCES: dict[str, dict[str, str]] = {
             "measured: hard braking, cut-ins and late stop points take more than 3.5 m/s²; the claim holds without such"
             " hazards, or with a second level, which the article has not"
         ),
-        "way to the set position": "the law takes its pace along the path as constant and learns of braking a step late",
+        "way to the set position": "the law takes its pace along the path as constant, and is told of braking late",
         "lateral error in that": "the article's law takes the speed as constant; the car brakes with 3 m/s²",
     },
     "yin": {
