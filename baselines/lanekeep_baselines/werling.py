@@ -111,7 +111,7 @@ class WerlingLateralAhead(WerlingLateral):
     """`werling-lateral-ahead`: the same for the curvature ahead; the extension."""
 
     name = "werling-lateral-ahead"
-    uses = ("curvature_preview_*",)
+    uses: ClassVar[tuple[str, ...]] = ("curvature_preview_*",)
     ahead = True
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -155,7 +155,7 @@ def braking_in_a_swerve(runs: Mapping[str, Drive]) -> bytes:
         most = friction * GRAVITY
         circle.plot(most * np.cos(turn), most * np.sin(turn), ":", color="#808080", linewidth=0.8)
     for place, (name, driven) in enumerate(runs.items()):
-        style = {"color": colour_of(place), "linewidth": 1.2}
+        style: dict[str, Any] = {"color": colour_of(place), "linewidth": 1.2}
         world.plot(*driven.world().T, label=name, **style)
         for axes, channel in ((gap, "position_gap"), (error, "lateral_error"), (speed, "speed")):
             axes.plot(driven.time, driven[channel][:, 0], **style)
