@@ -142,15 +142,20 @@ EVENT_STEP = 107  # control step at which the timeline's next event is due
 UP_FROM = 108  # speed from which on a gear change up may be due, m/s
 DOWN_BELOW = 109  # speed below which one down may be due without kick-down, m/s
 DUE = 110  # 1 where an event or a gear change may be due at the start of the control step
+POSITION_GAP = 111  # way along the road to the set position, m; NOWHERE for none
+POSITION_SPEED = 112  # its speed, m/s ...
+POSITION_PULL = 113  # ... and acceleration, m/s²
+POSITION_TARGET = 114  # speed that it goes to, m/s ...
+POSITION_RATE = 115  # ... and how fast, m/s²
 # Among traffic:
-LANE = 111  # number of the nearest lane, 0 for the right-most
-LANE_OFFSET = 112  # from its middle, m, left positive
-LEAD_NUMBER = 113  # of the car ahead, 0 for none
-LEAD_OURS = 114  # 1 where it is ahead because the car came into its lane
-PLACE_BEFORE = 115  # arc length of the road at the end of the control step before, m
-LANE_SINCE = 116  # control step in which it came to its lane, 0 for the start
-LANE_END = 117  # way from the car's front to the end of lane 0, m; NOWHERE where it does not end
-CAR_ROWS = 118  # further rows, as many as needed: commands (newest first), then the sensors' rows
+LANE = 116  # number of the nearest lane, 0 for the right-most
+LANE_OFFSET = 117  # from its middle, m, left positive
+LEAD_NUMBER = 118  # of the car ahead, 0 for none
+LEAD_OURS = 119  # 1 where it is ahead because the car came into its lane
+PLACE_BEFORE = 120  # arc length of the road at the end of the control step before, m
+LANE_SINCE = 121  # control step in which it came to its lane, 0 for the start
+LANE_END = 122  # way from the car's front to the end of lane 0, m; NOWHERE where it does not end
+CAR_ROWS = 123  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the car (a uint64, reinterpreted)
@@ -250,17 +255,18 @@ SECOND_LOW = 80  # its least value that counts
 SECOND_SCALE = 81  # what is asked for at 1
 CIRCLE = 82  # share of the friction that engine and brake take at the most, leaving the rest across; 0: no circle
 GATHERED = 83  # how many channels are rows as they stand
+TRACKS = 84  # 1 where set positions may come
 # Among traffic:
-WISH_LOW = 84  # of the set speed, m/s
-WISH_HIGH = 85
-LANES = 86
-LANE_WIDTH = 87  # m
-SITUATION = 88
-SPACING = 89  # between cars in a lane where episodes start, m
-FLOW_LOW = 90  # of the speeds that the others like, m/s
-FLOW_HIGH = 91
-FIRST_NEIGHBOUR = 92  # first of the channels that show the cars around
-CHANNELS = 93  # low and high of each channel follow, then column and source (a row) of each gathered one
+WISH_LOW = 85  # of the set speed, m/s
+WISH_HIGH = 86
+LANES = 87
+LANE_WIDTH = 88  # m
+SITUATION = 89
+SPACING = 90  # between cars in a lane where episodes start, m
+FLOW_LOW = 91  # of the speeds that the others like, m/s
+FLOW_HIGH = 92
+FIRST_NEIGHBOUR = 93  # first of the channels that show the cars around
+CHANNELS = 94  # low and high of each channel follow, then column and source (a row) of each gathered one
 
 # sensors: (measured channels, SENSOR_SIZE), or None where all are perfect
 # noise, bias, resolution, period and delay (control steps), dropout, jump, jumps a sample, then:
@@ -314,7 +320,7 @@ SPACE_COLUMNS = 5
 # drive: (numbers, timelines), or None without a powertrain; numbers in this order:
 D_PEAK_TORQUE = 0  # N m
 D_PEAK_SPEED = 1  # of the engine at it, rad/s
-D_WIDTH = 2  # from there to no torque, rad/s
+D_NARROWNESS = 2  # one over what is from there to no torque, s/rad
 D_DRAG = 3  # of the engine with closed throttle, N m
 D_DRAG_SLOPE = 4  # N m s/rad
 D_IDLE = 5  # rad/s
@@ -322,7 +328,7 @@ D_EFFICIENCY = 6  # of the gears
 D_AIR = 7  # half density times drag area, N s²/m²
 D_ROLL = 8  # rolling resistance over weight
 D_CREEP = 9  # acceleration by the converter at standstill, m/s²
-D_CREEP_SPEED = 10  # m/s
+D_CREEP_FALL = 10  # share of it that is lost for each m/s
 D_BRAKE = 11  # deceleration of the full brake, m/s²
 D_PEDAL_SHARE = 12  # share of the remaining way that throttle and brake go in a sub-step
 D_UP = 13  # engine speed of an upshift up to part throttle, rad/s ...
@@ -349,8 +355,9 @@ DRIVE_SIZE = 35
 # timelines: (timelines, events, 4): time (s), kind, and up to two numbers; unused events are at inf
 E_TIME, E_KIND, E_FIRST, E_SECOND = 0, 1, 2, 3
 SPEED_EVENT, LEAD_EVENT, LEAD_GONE, STOP_EVENT, STOP_GONE, LEAD_SPEED_EVENT = 0, 1, 2, 3, 4, 5
+POSITION_EVENT, POSITION_SPEED_EVENT, POSITION_GONE = 6, 7, 8
 FAR = 200.0  # how far cars ahead and stop points are seen, m
-NOWHERE = 1e6  # gap of a car ahead that is not there, m
+NOWHERE = 1e6  # gap of a car ahead, or a set position, that is not there, m
 
 # camera: float64, or None for an environment without; CAMERA_SIZE numbers, then one a road segment: 1 where its
 # edge is marked

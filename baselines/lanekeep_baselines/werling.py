@@ -88,12 +88,12 @@ class WerlingLateral(_Ahead):
         self._previews(scenario)
         self._car = WerlingCar.of(scenario.vehicle, scenario.friction)
 
-    def steering(self, at: Mapping[str, Floats]) -> Floats:
-        """Return the road-wheel angle asked for, rad, (n,)."""
+    def steering(self, at: Mapping[str, Floats], car: WerlingCar | None = None) -> Floats:
+        """Return the road-wheel angle asked for, rad, (n,), of ``car`` where that is another than the scenario's."""
         kappa, early = self._curvatures(at)
         state = (at[name] for name in ("lateral_error", "heading_error", "sideslip", "yaw_rate", "speed"))
         steer, _ = blended_steering(
-            self._car, self.tuning, WerlingMeasured(*state), self._direction(at), kappa, early=early
+            car or self._car, self.tuning, WerlingMeasured(*state), self._direction(at), kappa, early=early
         )
         return steer
 
@@ -111,7 +111,7 @@ class WerlingLateralAhead(WerlingLateral):
     """`werling-lateral-ahead`: the same for the curvature ahead; the extension."""
 
     name = "werling-lateral-ahead"
-    uses = ("curvature_preview_*",)
+    uses: ClassVar[tuple[str, ...]] = ("curvature_preview_*",)
     ahead = True
 
 

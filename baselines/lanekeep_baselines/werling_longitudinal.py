@@ -5,7 +5,12 @@ a stop point the distance is inf, and the law asks for no restraint. The laws ha
 cross, the acceleration has no step. (Steps of a set point or a new car in front do step it.)
 
 The limit of comfort, -3.5 m/s², costs safety where a car cuts in or a stop point comes late: there a second, larger
-a_min holds, for as long as no less would do.
+a_min holds, for as long as no less would do. Where the tyres give little (`Grip`), it holds earlier, and the gap is one
+from which a car ahead that brakes with all its grip can still be stopped behind.
+
+A set position (x(t), y(t)), which the article has as its outlook without a law, is driven to along the path as (9) does
+across it: a = a_p + 2 omega (v_p - v) + omega² (s_p - s), so that s_p - s decays as d does; in place of the speed law
+and of comfort's limits.
 
 Corrected against the source: (29) prints "L, tau < 0", both are positive. Read literally, (32) drives through the stop
 point: its condition lets go again as the speed falls, and behind s_h - Delta its sign turns. And as (33) meets (32) in
@@ -26,8 +31,43 @@ from lanekeep_baselines.policy import Floats
 MOVED = 1.0
 #: In an emergency: gap that is left, m; way to brake on at least, m; factor of what is needed.
 CLEAR, LEAST, SURE = 1.0, 0.02, 1.1
+#: A car ahead brakes where it loses more than this, m/s².
+BRAKES = 0.5
 #: The near range is this much longer than the joint tangent needs, m.
 NEAR = 0.5
+#: Parts of what full braking gives: more than the first is an emergency; gaps are as long as the second needs.
+PART, RESERVE = 0.6, 0.85
+
+
+class Grip(NamedTuple):
+    """What full braking gives, m/s², numbers or (n,) each; without bound where nothing is known of it.
+
+    Attributes:
+        own: deceleration by tyres or brake, with slope and resistances.
+        lead: of the car ahead.
+    """
+
+    own: float | Floats = np.inf
+    lead: float | Floats = np.inf
+
+
+class SetPosition(NamedTuple):
+    """Of the set position, (n,) each.
+
+    Attributes:
+        gap: way to it along the path, m, inf for none.
+        speed, acceleration: its own, m/s and m/s².
+        pace: our way along the path over what we drive, cos(theta)/(1 - d kappa) of (3).
+    """
+
+    gap: Floats
+    speed: Floats
+    acceleration: Floats
+    pace: Floats
+
+
+#: Of a road of which nothing is known.
+UNKNOWN = Grip()
 
 
 class LongitudinalTuning(NamedTuple):
@@ -44,6 +84,7 @@ class LongitudinalTuning(NamedTuple):
         most: a_max, m/s².
         emergency: a_min where comfort would not do, m/s², more than brake and hills give: see `emergency_law`.
         reaction: of the brake, s: lag and a control step.
+        tracking: omega of the set position's error, 1/s.
     """
 
     speed_rate: float = 0.62
@@ -56,6 +97,7 @@ class LongitudinalTuning(NamedTuple):
     most: float = 1.0
     emergency: float = -12.0
     reaction: float = 0.12
+    tracking: float = 1.0
 
     @property
     def ahead(self) -> float:
@@ -73,18 +115,33 @@ def speed_law(tuning: LongitudinalTuning, v: Floats, wanted: Floats) -> Floats:
     return -tuning.speed_rate * (v - wanted)
 
 
-def gap_law(tuning: LongitudinalTuning, v: Floats, gap: Floats, gap_change: Floats) -> Floats:
+def position_law(tuning: LongitudinalTuning, v: Floats, at: SetPosition) -> Floats:
+    """Return a = (a_p + 2 omega (v_p - s') + omega² (s_p - s))/pace, m/s², (n,); 0 without a set position.
+
+    The pace is taken as constant: its change is what the lateral law makes small.
+    """
+    gap, rate = np.where(np.isfinite(at.gap), at.gap, 0.0), tuning.tracking
+    wanted = at.acceleration + rate * (2.0 * (at.speed - v * at.pace) + rate * gap)
+    return np.where(np.isfinite(at.gap), wanted / at.pace, 0.0)
+
+
+def gap_law(tuning: LongitudinalTuning, v: Floats, gap: Floats, gap_change: Floats, grip: Grip = UNKNOWN) -> Floats:
     """Return a = (d_f' + lambda (d_f - L - tau v))/tau, m/s², (n,): (30); inf without a car in front.
+
+    In place of L + tau v stands, where it is longer, the way of braking with a part of our grip less that of the car in
+    front with all of its own.
 
     Args:
         tuning: L, tau and lambda.
         v: speed, m/s.
         gap: d_f to the car in front, m, inf for none.
         gap_change: d_f', its speed minus ours, m/s; anything where there is none.
+        grip: what full braking gives.
     """
     lead = np.isfinite(gap)
     gap, change = np.where(lead, gap, 0.0), np.where(lead, gap_change, 0.0)
-    wanted = tuning.standing_gap + tuning.time_gap * v
+    longer = 0.5 * (v * v / (RESERVE * grip.own) - np.maximum(v + change, 0.0) ** 2 / grip.lead)
+    wanted = np.maximum(tuning.standing_gap + tuning.time_gap * v, CLEAR + tuning.reaction * v + longer)
     return np.where(lead, (change + tuning.gap_rate * (gap - wanted)) / tuning.time_gap, np.inf)
 
 
@@ -129,17 +186,32 @@ class StopLaw:
         return np.where(latched, asked, np.inf), following
 
 
-def emergency_law(tuning: LongitudinalTuning, v: Floats, gap: Floats, gap_change: Floats, distance: Floats) -> Floats:
+def emergency_law(
+    tuning: LongitudinalTuning,
+    v: Floats,
+    gap: Floats,
+    gap_change: Floats,
+    distance: Floats,
+    grip: Grip = UNKNOWN,
+    lead_pull: float | Floats = 0.0,
+) -> Floats:
     """Return the deceleration without which the car ahead is met or the stop point passed, m/s², (n,), <= 0.
 
-    Even braking that ends at the car ahead's speed `CLEAR` behind it, or at the point; what is driven until the brake
-    acts is no way to brake on. inf where comfort's limit does. Arguments are those of `LongitudinalControl.step`.
+    Even braking that ends at the car ahead's speed `CLEAR` behind it, where it brakes at its place of rest, or at the
+    point; what is driven until the brake acts is no way to brake on. inf where comfort's limit, and a part of the grip,
+    does. Arguments are those of `LongitudinalControl.step`.
     """
-    closing = np.where(np.isfinite(gap), np.maximum(-gap_change, 0.0), 0.0)
-    ahead = np.where(np.isfinite(gap), gap - CLEAR - closing * tuning.reaction, 1.0)
-    left = np.where(np.isfinite(distance), distance - v * tuning.reaction, np.inf)
-    needed = 0.5 * np.maximum(closing**2 / np.maximum(ahead, LEAST), v * v / np.maximum(left, LEAST))
-    return np.where(needed > -tuning.least, np.maximum(-SURE * needed, tuning.emergency), np.inf)
+    lead = np.isfinite(gap)
+    closing, ahead = np.where(lead, np.maximum(-gap_change, 0.0), 0.0), np.where(lead, gap - CLEAR, np.inf)
+    # A car ahead that brakes stands after so much more way.
+    brakes = lead & (np.asarray(lead_pull) < -BRAKES)
+    its = np.where(brakes, 0.5 * np.maximum(v + gap_change, 0.0) ** 2 / np.where(brakes, -lead_pull, 1.0), np.inf)
+    rest = np.minimum(np.where(brakes, ahead + its, np.inf), distance) - v * tuning.reaction
+    until = ahead - closing * tuning.reaction
+    needed = 0.5 * np.maximum(closing**2 / np.maximum(until, LEAST), v * v / np.maximum(rest, LEAST))
+    enough = np.minimum(-tuning.least, PART * grip.own)
+    asked = np.where(needed > RESERVE * grip.own, tuning.emergency, np.maximum(-SURE * needed, tuning.emergency))
+    return np.where(needed > enough, asked, np.inf)
 
 
 def override(tuning: LongitudinalTuning, *asked: Floats) -> Floats:
@@ -168,9 +240,19 @@ class LongitudinalControl:
         distance: Floats,
         memory: Floats,
         fresh: NDArray[np.bool_] | bool,
+        grip: Grip = UNKNOWN,
+        lead_pull: float | Floats = 0.0,
+        position: SetPosition | None = None,
     ) -> tuple[Floats, Floats]:
-        """Return the acceleration, m/s², (n,), and the next memory, (n, 2); arguments as in the laws above."""
+        """Return the acceleration, m/s², (n,), and the next memory, (n, 2).
+
+        Arguments as in the laws above; ``lead_pull`` is the acceleration of the car ahead, m/s².
+        """
+        tuning = self.tuning
         stop, following = self._stop.step(v, distance, memory, fresh)
-        speed = speed_law(self.tuning, v, wanted)
-        asked = override(self.tuning, speed, gap_law(self.tuning, v, gap, gap_change), stop)
-        return np.minimum(asked, emergency_law(self.tuning, v, gap, gap_change, distance)), following
+        others = np.minimum(gap_law(tuning, v, gap, gap_change, grip), stop)
+        asked = override(tuning, speed_law(tuning, v, wanted), others)
+        if position is not None:
+            tracks = np.maximum(np.minimum(position_law(tuning, v, position), others), tuning.emergency)
+            asked = np.where(np.isfinite(position.gap), tracks, asked)
+        return np.minimum(asked, emergency_law(tuning, v, gap, gap_change, distance, grip, lead_pull)), following

@@ -36,6 +36,7 @@ class DriveEnv(PoweredEnv, gym.Env):
     | set_speed | m/s | asked for, negative backwards |
     | lead_gap, lead_speed | m, m/s | of the car ahead, true up to 200 m; beyond, or without one, 200 m and 0 |
     | stop_gap | m | to the stop point, negative behind it; 200 m without one |
+    | position_gap, position_speed, position_acceleration | m, m/s, m/s² | of the set position, where there are such |
 
     Speeds are negative backwards; cars and stop points are those in the way.
 
@@ -69,6 +70,13 @@ class DriveEnv(PoweredEnv, gym.Env):
     gym.make("lanekeep/Drive-v0", road="straight", traffic=events, slope=0.0, wind=0.0)
     hazard = [(0, "speed", 20), (5, "lead", 15, 18), (8, "lead_speed", 0, 8.0), (20, "lead_gone")]
     gym.make("lanekeep/Drive-v0", traffic=hazard)
+    ```
+
+    A set position (x(t), y(t)) that brakes while the path swerves:
+
+    ```python
+    plan = [(0, "speed", 15), (0, "position", 0, 15), (0.6, "position_speed", 5, 4)]
+    gym.make("lanekeep/Drive-v0", road="evasive", traffic=plan, slope=0.0, wind=0.0)
     ```
 
     `traffic={"hazards": 1.0}` draws nothing but hard braking, cut-ins and late stop points.

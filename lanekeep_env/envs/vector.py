@@ -90,6 +90,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._last = np.zeros((num_envs, self._core.num_channels), dtype=np.float32)
         #: Truth in the infos by name, and its row in the outcome.
         self.truth: dict[str, int] = dict((*_TRUTH, *self.further))
+        self._masks = tuple(f"_{name}" for name in (*self.truth, "is_success", "termination"))
         self._threads = num_threads
         self._same_step = code == at.SAME_STEP
         self._everyone = np.ones(num_envs, dtype=np.bool_)
@@ -119,11 +120,9 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 raise ValueError(f"seed has {len(seeds)} entries; it must be one number or {self.num_envs} of them")
         if seed is not None or not core.seeded:
             core.seed([s if chosen else None for s, chosen in zip(seeds, mask, strict=True)])
-        observation = self._last.copy()
         outcome = np.zeros((core.outcome_rows, self.num_envs), dtype=core.dtype)  # of the others it tells nothing
-        core.reset(options, mask, observation, outcome)
-        self._last = observation.copy()
-        return observation, self._infos(outcome, mask)
+        core.reset(options, mask, self._last, outcome)
+        return self._last.copy(), self._infos(outcome, mask)
 
     def _mask(self, mask: np.ndarray | None) -> np.ndarray:
         if mask is None:
@@ -149,8 +148,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         wrong = np.isnan(given)
         if wrong.any():
             given = self._without_ignored(given, wrong)
-        n, channels = self.num_envs, core.num_channels
-        observation = np.empty((n, channels), dtype=np.float32)
+        n, channels, observation = self.num_envs, core.num_channels, self._last
         rows = 2 * core.outcome_rows + channels if self._same_step else core.outcome_rows
         outcome = np.empty((rows, n), dtype=core.dtype)
         arguments = (0, len(core.cars), *core.state, given, observation, outcome)
@@ -159,14 +157,14 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         else:
             numba.set_num_threads(self._threads)
             core.step_parallel(*arguments)
-        self._last = observation.copy()  # what is handed out is the caller's, who may write to it
         terminated = outcome[at.O_TERMINATED] > 0.0
         truncated = outcome[at.O_TRUNCATED] > 0.0
         infos = self._infos(outcome, self._everyone)
         if self._same_step:
             infos["termination"] = np.zeros(n, dtype=np.int64)  # of the episodes that just began
             self._add_final(infos, outcome, terminated | truncated)
-        return observation, outcome[at.O_REWARD], terminated, truncated, infos
+        # What is handed out is the caller's, who may write to it.
+        return observation.copy(), outcome[at.O_REWARD], terminated, truncated, infos
 
     def get_state(self) -> dict[str, np.ndarray]:
         """Return copies of all that changes while the cars drive; `set_state` goes on from there, to the last bit.
@@ -224,14 +222,10 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return np.where(wrong, np.float32(0.0), given)
 
     def _infos(self, outcome: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
-        infos: dict[str, Any] = {}
-        for name, row in self.truth.items():
-            infos[name] = outcome[row]
-            infos["_" + name] = mask
+        infos: dict[str, Any] = {name: outcome[row] for name, row in self.truth.items()}
         infos["is_success"] = outcome[at.O_SUCCESS] > 0.0
-        infos["_is_success"] = mask
         infos["termination"] = outcome[at.O_TERMINATED].astype(np.int64)
-        infos["_termination"] = mask
+        infos.update(dict.fromkeys(self._masks, mask))
         return infos
 
     def _add_final(self, infos: dict[str, Any], outcome: np.ndarray, ended: np.ndarray) -> None:

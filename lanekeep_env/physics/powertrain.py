@@ -26,8 +26,8 @@ LIMITER_BAND = 20.0
 def full_torque(omega, drive):
     """Return the engine's torque at full load, N m: a parabola about the speed of the largest, up to the limiter."""
     zero, one = like(omega, 0.0), like(omega, 1.0)
-    bend = (omega - drive[at.D_PEAK_SPEED]) / drive[at.D_WIDTH]
-    limited = clip(one + (drive[at.D_LIMIT] - omega) / like(omega, LIMITER_BAND), zero, one)
+    bend = (omega - drive[at.D_PEAK_SPEED]) * drive[at.D_NARROWNESS]
+    limited = clip(one + (drive[at.D_LIMIT] - omega) * like(omega, 1.0 / LIMITER_BAND), zero, one)
     return drive[at.D_PEAK_TORQUE] * larger(one - bend * bend, zero) * limited
 
 
@@ -57,7 +57,7 @@ def resistance(v, wind, drive, inverse_mass):
 @inline
 def creep(v, drive):
     """Return what an automatic pulls with at standstill and little above, m/s²."""
-    return drive[at.D_CREEP] * clip(like(v, 1.0) - v / drive[at.D_CREEP_SPEED], like(v, 0.0), like(v, 1.0))
+    return drive[at.D_CREEP] * clip(like(v, 1.0) - v * drive[at.D_CREEP_FALL], like(v, 0.0), like(v, 1.0))
 
 
 @inline

@@ -146,7 +146,7 @@ class Powertrain:
         values[: at.D_RATIOS] = (
             self.peak_torque,
             self.peak_speed,
-            self.torque_width,
+            1.0 / self.torque_width,
             self.drag_torque,
             self.drag_slope,
             self.idle_speed,
@@ -154,7 +154,7 @@ class Powertrain:
             0.5 * 1.2 * self.drag_area,
             self.rolling,
             self.creep,
-            self.creep_speed,
+            1.0 / self.creep_speed,
             self.brake,
             1.0 - math.exp(-step / self.pedal_lag) if self.pedal_lag > 0.0 else 1.0,
             self.upshift,

@@ -44,5 +44,19 @@ class DriveScenario(PoweredScenario):
         ),
     )
 
+    def numbers(self) -> dict[int, Any]:
+        """The kernel's settings by row of `layout`."""
+        return {**super().numbers(), at.TRACKS: float(self.traffic.tracks)}
+
     def _channels(self) -> list[Channel]:
-        return [*super()._channels(), *ahead_channels()]
+        return [*super()._channels(), *ahead_channels(), *(_position_channels() if self.traffic.tracks else ())]
+
+
+def _position_channels() -> list[Channel]:
+    far = float(at.FAR)
+    what = f"along the road to the set position, {far:g} without one"
+    return [
+        Channel("position_gap", "m", -far, far, what, at.POSITION_GAP),
+        Channel("position_speed", "m/s", 0.0, 100.0, "of the set position", at.POSITION_SPEED),
+        Channel("position_acceleration", "m/s²", -20.0, 20.0, "of the set position", at.POSITION_PULL),
+    ]

@@ -19,11 +19,16 @@ EVENTS: dict[str, tuple[int, tuple[str, ...]]] = {
     "lead_gone": (at.LEAD_GONE, ()),
     "stop": (at.STOP_EVENT, ("m",)),
     "stop_gone": (at.STOP_GONE, ()),
+    "position": (at.POSITION_EVENT, ("m", "m/s")),
+    "position_speed": (at.POSITION_SPEED_EVENT, ("m/s", "m/s²")),
+    "position_gone": (at.POSITION_GONE, ()),
 }
 #: The largest of them: what stands as far as `layout.FAR` is not there, and speeds are observed up to 100 m/s.
 LARGEST = {"m": at.FAR - 1.0, "m/s": 100.0, "m/s²": 20.0}
 #: The fastest that a car is asked to go backwards, m/s.
 LARGEST_BACKWARDS = 5.0
+#: The least value of a kind's number, where that is not 0.
+LEAST = {("speed", 0): -LARGEST_BACKWARDS, ("position", 0): -LARGEST["m"]}
 #: The longest timeline, s: eleven days, far beyond any episode.
 LONGEST = 1e6
 #: Events of one timeline, and bytes of the kernel's table of all of them.
@@ -45,7 +50,10 @@ class Traffic:
             into reverse), "lead" (gap in m, speed in m/s of a car that comes, or cuts in, ahead), "lead_speed" (m/s
             that it goes to from then on, and its acceleration or braking in m/s², of which its tyres give no more than
             the friction of the road), "lead_gone" (it turns off), "stop" (distance of a stop point in m),
-            "stop_gone"; up to 199 m and 100 m/s. Cars and stop points are in the way, also backwards.
+            "stop_gone", "position" (way ahead in m, negative behind, and speed in m/s of a set position (x(t), y(t))
+            that moves along the road: what speed is set is from then on what leads there), "position_speed" (m/s that
+            it goes to, and with how many m/s²), "position_gone"; up to 199 m and 100 m/s. Cars and stop points are in
+            the way, also backwards; set positions are driven to forwards.
         count: random timelines in the set; an episode's key chooses one.
         duration: of each of them, s; with ``count`` it bounds the table of all events to 64 MiB.
         largest_speed: m/s, 30 at the most: who sees 200 m cannot stop from more with 3 m/s².
@@ -91,10 +99,15 @@ class Traffic:
         units = EVENTS[kind][1]
         if len(numbers) != len(units):
             raise ValueError(f"traffic.events: {kind!r} takes {len(units)} numbers, not {shown(numbers)}")
-        for number, unit in zip(numbers, units, strict=True):
-            least = -LARGEST_BACKWARDS if kind == "speed" else 0.0
+        for place, (number, unit) in enumerate(zip(numbers, units, strict=True)):
+            least = LEAST.get((kind, place), 0.0)
             require(f"traffic.events {kind}", number, unit, at_least=least, at_most=LARGEST[unit])
         return float(time), str(kind), tuple(float(number) for number in numbers)
+
+    @property
+    def tracks(self) -> bool:
+        """Whether there are set positions."""
+        return any(kind == "position" for _, kind, _ in self.events)
 
     def build(self) -> np.ndarray:
         """Return the kernel's timelines, (timelines, events, 4)."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.numeric import clip, larger, like, magnitude, select, smaller, sqrt
+from lanekeep_env.physics.numeric import clip, larger, like, magnitude, select, sin_cos, smaller, sqrt
 from lanekeep_env.tasks.termination import CONTACT, STOP_PASSED
 
 #: Gap of a standing car (m) and time gap (s) of the speed that the cost asks for, and its braking, m/s².
@@ -15,6 +15,8 @@ STANDING_GAP, TIME_GAP, BRAKING = 4.0, 1.5, 1.7
 TOLERANCE = 0.05
 #: A car that stands nearer than this to a stop point stopped for it, m.
 AT_THE_STOP = 5.0
+#: In which a set position is to be reached: the set speed is its own and its distance over this, s.
+APPROACH_TIME = 1.0
 
 
 @helper
@@ -38,6 +40,16 @@ def happen(i, block, counted, timeline, settings):
         elif kind == at.LEAD_GONE:
             block[at.LEAD_GAP, i] = at.NOWHERE
             block[at.LEAD_SPEED, i] = block[at.LEAD_TARGET, i] = 0.0
+        elif kind == at.POSITION_EVENT:
+            block[at.POSITION_GAP, i] = first
+            block[at.POSITION_SPEED, i] = block[at.POSITION_TARGET, i] = second
+            block[at.POSITION_PULL, i] = 0.0
+        elif kind == at.POSITION_SPEED_EVENT:
+            block[at.POSITION_TARGET, i] = first
+            block[at.POSITION_RATE, i] = second
+        elif kind == at.POSITION_GONE:
+            block[at.POSITION_GAP, i] = at.NOWHERE
+            block[at.POSITION_SPEED, i] = block[at.POSITION_TARGET, i] = block[at.POSITION_PULL, i] = 0.0
         elif kind == at.STOP_EVENT:
             block[at.STOP_GAP, i] = first
             sight(i, at.STOP_SIGHT, first, event, block, counted)
@@ -103,6 +115,32 @@ def move_on(n, seconds, block):
     return count
 
 
+@helper
+def lead_on(n, seconds, block):
+    """Move the set positions of a block's first ``n`` cars, and set the speed that leads there; others keep theirs."""
+    gap_, speed_, pull_, set_ = (
+        block[at.POSITION_GAP],
+        block[at.POSITION_SPEED],
+        block[at.POSITION_PULL],
+        block[at.SET_SPEED],
+    )
+    target_, rate_, way_ = block[at.POSITION_TARGET], block[at.POSITION_RATE], block[at.WAY]
+    d_, theta_, beta_ = block[at.LATERAL], block[at.HEADING], block[at.SIDESLIP]
+    along_, curvature_, slope_ = block[at.ALONG], block[at.CURVATURE], block[at.CURVATURE_SLOPE]
+    zero, one, half = like(seconds, 0.0), like(seconds, 1.0), like(seconds, 0.5)
+    nowhere, time, least = like(seconds, 0.5 * at.NOWHERE), like(seconds, APPROACH_TIME), like(seconds, 0.1)
+    for i in range(n):
+        gap, before = gap_[i], speed_[i]
+        after = lead_after(before, target_[i], rate_[i], seconds)
+        kappa = curvature_[i] + slope_[i] * larger(along_[i], zero)
+        _, cosine = sin_cos(theta_[i] + beta_[i])
+        ahead = way_[i] * cosine / larger(one - d_[i] * kappa, least)
+        there, now = gap < nowhere, gap + half * (before + after) * seconds - ahead
+        speed_[i], pull_[i] = after, (after - before) / seconds
+        gap_[i] = select(there, now, gap)
+        set_[i] = select(there, larger(after + now / time, zero), set_[i])
+
+
 @inline
 def wanted_speed(set_speed, gap, stop):
     """Return the speed that the cost asks for, m/s: the set one, a time gap to the lead car, even braking to a stop.
@@ -111,7 +149,7 @@ def wanted_speed(set_speed, gap, stop):
     """
     zero, far = like(gap, 0.0), like(gap, at.FAR)
     wanted = magnitude(set_speed)
-    follow = larger((gap - like(gap, STANDING_GAP)) / like(gap, TIME_GAP), zero)
+    follow = larger((gap - like(gap, STANDING_GAP)) * like(gap, 1.0 / TIME_GAP), zero)
     wanted = select(gap < far, smaller(wanted, follow), wanted)
     brake = sqrt(like(gap, 2.0 * BRAKING) * larger(stop, zero))
     wanted = select(stop < far, smaller(wanted, brake), wanted)

@@ -50,6 +50,16 @@ def test_no_contact_and_no_overrun_that_braking_in_time_had_avoided(count: int, 
     assert 0 < (found > 0).sum() < 0.15 * count  # no one can brake in 0.7 of the way that it takes
 
 
+@pytest.mark.parametrize("count", [150, pytest.param(2000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("keywords", [{"road": "straight"}, {}], ids=["straight", "winding"])
+def test_on_friction_0_3_as_well(count: int, keywords: dict) -> None:
+    """The hazards are those of a dry road: most stop points come later than tyres can brake for."""
+    found, avoidable = endings(WerlingDrive, count, 11, friction=0.3, **keywords)
+    assert not avoidable.any()
+    assert set(found) <= {Termination.NONE, Termination.CONTACT, Termination.STOP_PASSED}
+    assert (found == Termination.CONTACT).any() and (found == Termination.STOP_PASSED).sum() > 0.3 * count
+
+
 def test_the_limit_of_comfort_alone_costs_safety() -> None:
     """The article calls 3.5 m/s² a limit "without reducing safety": in these hazards it is not."""
     found, avoidable = endings(Comfortable, 150, 11, road="straight")

@@ -45,9 +45,9 @@ def table_of(found, title):
 
 
 #: How many rows a work has, and how many of them are numbers that the work itself prints.
-COUNTS = {"traechtler": (21, 2), "yin": (46, 27), "knightriders": (40, 5), "werling": (16, 6)}
-#: The row that has its own test.
-BRAKED = "mean acceleration"
+COUNTS = {"traechtler": (21, 2), "yin": (46, 27), "knightriders": (40, 5), "werling": (21, 8)}
+#: The row that contradicts the work; it has its own test.
+CONTRADICTED = "avoidable contacts"
 #: Of rows that are not equal to the last digit, how far they may be off; ranges, lags, shift points, coarser steps.
 TOLERANCES = {
     "limit cycle": 0.003,
@@ -59,7 +59,8 @@ TOLERANCES = {
     "largest error backwards, R = 5 m, lag 0.1 s, 1.4 m/s, k = 1": 0.6,
     "gap": 0.02,
     "standstill": 0.4,
-    "mean acceleration": 0.05,
+    "way to the set position": 0.05,
+    "lateral error in that": 0.05,
 }
 
 
@@ -76,21 +77,13 @@ def test_every_number_comes_back_or_says_why_not(replicated, work):
             assert abs(row["difference"]) <= 0.5001 * 10.0 ** -row["digits"] and not row["why"], row
         else:
             assert len(row["why"]) > 20, row
-            assert within(row) or row["quantity"].startswith(BRAKED), row
+            assert row["quantity"].startswith(CONTRADICTED) or within(row), row
 
 
 def within(row):
     """Whether a row that is not equal to the last digit is as near as it has to be."""
     (allowed,) = (most for begins, most in TOLERANCES.items() if row["quantity"].startswith(begins))
     return abs(row["difference"]) <= allowed
-
-
-@pytest.mark.xfail(
-    strict=True, reason="-1.77 m/s², -1.73 before Drive's powertrain shifted by load; why is not known yet"
-)
-def test_the_stop_of_figure_10_is_braked_as_before(replicated):
-    (row,) = (row for row in replicated("werling")["rows"] if row["quantity"].startswith(BRAKED))
-    assert within(row)
 
 
 def test_every_sentence_is_about_a_row_that_differs(replicated):
@@ -145,7 +138,7 @@ PICTURES = {
         "scenario_a.png",
         "set_path.png",
     },
-    "werling": {"figure_8.png", "figure_9.png", "figure_10.png", "robustness.png"},
+    "werling": {"figure_8.png", "figure_9.png", "figure_10.png", "braking_in_a_swerve.png", "robustness.png"},
 }
 
 
@@ -359,6 +352,27 @@ def test_where_the_tyres_do_not_give_enough_the_law_says_so_and_the_car_does_not
         assert (flagged == "never") == (friction != "0.3")
         assert float(reached) < float(available) and float(largest) <= 0.8 and float(last) < 0.02
         assert float(sideslip) < 6.0
+
+
+def test_comfort_alone_costs_safety_and_a_second_level_does_not(replicated):
+    alone, two = table_of(replicated("werling"), "Comfort and safety")
+    assert sum(map(int, alone[3:])) > 20 and two[3:] == ["0", "0"]
+    assert int(two[1]) + int(two[2]) < int(alone[1]) + int(alone[2])
+
+
+def test_the_throttle_is_noisy_once_the_measured_speed_is_in_it(replicated):
+    ((_, before, after),) = table_of(replicated("werling"), "noise in the throttle")
+    assert float(after) > 10.0 * float(before)
+
+
+def test_who_brakes_in_a_swerve_keeps_both_within_what_the_tyres_give(replicated):
+    rows = table_of(replicated("werling"), "set position that brakes")
+    assert len(rows) == 12
+    for friction, braking, used, gap, lateral, sideslip in rows:
+        assert float(used) < 1.03 and float(lateral) < 0.25 and float(sideslip) < 6.0
+        # Figure 8's 4 m/s² across and as much along are 5.7: friction 0.5 gives 4.9, 0.3 gives 2.9.
+        feasible = float(friction) == 1.0 or (float(friction) == 0.5 and float(braking) < 5.0)
+        assert float(gap) < 0.3 if feasible or braking == "0" else float(gap) > 2.0
 
 
 def test_backwards_the_printed_accuracy_is_kept_with_the_assumed_lag_and_with_the_curvature_ahead(replicated):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from lanekeep_baselines.werling_longitudinal import LongitudinalTuning
 from lanekeep_benchmarks.looks import GRID, colour_of, png, scale_bar
 from lanekeep_benchmarks.replications.passat import Drive, Floats
-from lanekeep_env.physics.parameters import VehicleParameters
+from lanekeep_env.physics.parameters import GRAVITY, VehicleParameters
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -140,6 +140,45 @@ def figure_10(driven: Drive, mean: Floats, takeover: float, laws: LongitudinalTu
         across = "right" if name == "speed law" else "left"
         speed.annotate(name, (event, 1.02), xycoords=("data", "axes fraction"), ha=across, fontsize=8, color="#505050")
     figure.suptitle("Figure 10: starting, set speed, car ahead, stop point (dotted: events, and who takes over)")
+    return png(figure)
+
+
+def braking_in_a_swerve(runs: Mapping[str, Drive]) -> bytes:
+    """Course, errors along and across the path, and both accelerations within the circle of friction."""
+    figure = Figure(figsize=(9, 10), layout="constrained")
+    grid = figure.add_gridspec(4, 2, height_ratios=[1, 1, 1, 1.6])
+    world, gap, error = (figure.add_subplot(grid[row, :]) for row in range(3))
+    speed, circle = figure.add_subplot(grid[3, 0]), figure.add_subplot(grid[3, 1])
+    first = next(iter(runs.values()))
+    world.plot(*first.roads[0].position(np.linspace(0.0, 90.0, 800)).T, "--", color="#606060", linewidth=1.0)
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    for friction in sorted({driven.scenario.friction for driven in runs.values()}):
+        most = friction * GRAVITY
+        circle.plot(most * np.cos(turn), most * np.sin(turn), ":", color="#808080", linewidth=0.8)
+    for place, (name, driven) in enumerate(runs.items()):
+        style: dict[str, Any] = {"color": colour_of(place), "linewidth": 1.2}
+        world.plot(*driven.world().T, label=name, **style)
+        for axes, channel in ((gap, "position_gap"), (error, "lateral_error"), (speed, "speed")):
+            axes.plot(driven.time, driven[channel][:, 0], **style)
+        circle.plot(driven["lateral_acceleration"][:, 0], driven["acceleration"][:, 0], **style)
+        if place < 2:  # the same for every friction
+            speed.plot(driven.time, driven["position_speed"][:, 0], "--", color="#606060", linewidth=1.0)
+    circle.set_aspect("equal")
+    texts = (
+        (world, "x [m]", "y [m]"),
+        (gap, "", "way to the set position [m]"),
+        (error, "time [s]", "lateral error [m]"),
+        (speed, "time [s]", "speed [m/s] (dashed: set position)"),
+        (circle, "lateral acceleration [m/s²]", "along [m/s²] (dotted: friction)"),
+    )
+    for axes, below, beside in texts:
+        axes.set_xlabel(below)
+        axes.set_ylabel(beside)
+        axes.grid(**GRID)
+    gap.set_ylim(-8.0, 1.0)
+    world.set_xlim(0.0, 90.0)
+    world.legend(frameon=False, fontsize=8, ncols=2)
+    figure.suptitle("Braking in a swerve: Figure 8's path at 55 km/h behind a set position (x(t), y(t))", fontsize=11)
     return png(figure)
 
 

@@ -11,7 +11,7 @@ from lanekeep_env.families.road.kernel import ON_ROADS, judge_lane, report
 from lanekeep_env.physics.numeric import like, magnitude, select, smaller
 from lanekeep_env.physics.powertrain import change_gear, find_due, pull
 from lanekeep_env.tasks.avoidable import avoided
-from lanekeep_env.tasks.driving import AT_THE_STOP, happen, move_on, wanted_speed
+from lanekeep_env.tasks.driving import AT_THE_STOP, happen, lead_on, move_on, wanted_speed
 from lanekeep_env.tasks.termination import CONTACT, STOP_PASSED
 
 # Behind sensors, gear, floor and camera the equipment holds the powertrain's numbers and the timelines.
@@ -46,9 +46,10 @@ def _charge_speed(n, begin, block, settings, outcome):
     reward_, cost_ = outcome[at.O_REWARD], outcome[at.O_COST]
     v_, set_, gap_, stop_ = block[at.SPEED], block[at.SET_SPEED], block[at.LEAD_GAP], block[at.STOP_GAP]
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
-    most, reference, zero = settings[at.COST_CAP] * seconds, settings[at.SPEED_REFERENCE], like(seconds, 0.0)
+    zero, scale = like(seconds, 0.0), like(seconds, 1.0) / settings[at.SPEED_REFERENCE]
+    most = settings[at.COST_CAP] * seconds
     for i in range(n):
-        error = (v_[i] - wanted_speed(set_[i], gap_[i], stop_[i])) / reference
+        error = (v_[i] - wanted_speed(set_[i], gap_[i], stop_[i])) * scale
         reward = reward_[begin + i]
         both = -smaller(error * error * seconds - reward, most)
         reward_[begin + i] = select(cost_[begin + i] == zero, both, reward)
@@ -91,7 +92,10 @@ def _judge(k, cars, counters, world, settings, equipment, outcome):
     n = cars_in(k, cars, counters)
     block, told = cars[k], outcome[:, first : first + n]
     judge_lane(n, at.LATERAL, block, settings, told)
-    endings = move_on(n, settings[at.STEP_TIME] * settings[at.SUBSTEPS], block)
+    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+    endings = move_on(n, seconds, block)
+    if settings[at.TRACKS] > like(seconds, 0.0):
+        lead_on(n, seconds, block)
     _charge_speed(n, first, block, settings, outcome)
     if endings > 0:
         _find_avoidable(n, block, counters[:, first:], world[0], settings, equipment)
@@ -117,6 +121,7 @@ def report_drive(k, first, last, cars, settings, outcome):
     met, passed = outcome[at.O_AVOIDABLE_CONTACT], outcome[at.O_AVOIDABLE_OVERRUN]
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     none, zero, one = like(seconds, at.NOWHERE), like(seconds, 0.0), like(seconds, 1.0)
+    rate = one / seconds
     contact, overrun, near = like(seconds, CONTACT), like(seconds, STOP_PASSED), like(seconds, AT_THE_STOP)
     for i in range(first, last):
         gap, stop, speed, ending = gap_[i], stop_[i], magnitude(v_[i]), ending_[i]
@@ -126,7 +131,7 @@ def report_drive(k, first, last, cars, settings, outcome):
         times[begin + i] = select(comes, smaller(gap / select(comes, closing, one), none), none)
         stops[begin + i] = select((stop < zero) | ((stop < near) & (speed == zero)), stop, zero)
         errors[begin + i] = v_[i] - wanted_speed(set_[i], gap, stop)
-        jerks[begin + i] = (pull_[i] - before_[i]) / seconds
+        jerks[begin + i] = (pull_[i] - before_[i]) * rate
         contacts[begin + i] = select(ending == contact, one, zero)
         overruns[begin + i] = select(ending == overrun, one, zero)
         met[begin + i] = select(ending == contact, avoidable_[i], zero)

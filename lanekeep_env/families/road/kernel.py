@@ -30,6 +30,7 @@ STATE_ROWS = (
     at.WAY,
     at.LEAD_GAP,
     at.STOP_GAP,
+    at.POSITION_GAP,
 )
 
 # The ground is the table of segments, ``equipment`` (sensors, gear, slip-speed floor, camera, drive, timelines).

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.compile import helper
+from lanekeep_env.compile import helper, inline
 from lanekeep_env.physics.numeric import clip, larger, like
 from lanekeep_env.physics.single_track import SMALLEST_PATH_SCALE
 
@@ -69,31 +69,47 @@ def cross_segments(k, cars, counters, road):
             along[i] = length[i] + after
 
 
+@inline
+def _shape(road, segment):
+    """Return length, m, curvature at the start, 1/m, and its slope, 1/m², of a segment."""
+    return road[segment, at.R_LENGTH], road[segment, at.R_CURVATURE], road[segment, at.R_CURVATURE_SLOPE]
+
+
+@inline
+def _find(segment, along, road):
+    """Return segment and place on it, m, of a place ``along`` from the start of a segment, before or behind it."""
+    zero = like(along, 0.0)
+    for _ in range(road.shape[0]):
+        if not along >= road[segment, at.R_LENGTH]:
+            break
+        along -= road[segment, at.R_LENGTH]
+        segment = np.int64(road[segment, at.R_NEXT])
+    for _ in range(road.shape[0]):
+        if not (along < zero and road[segment, at.R_PREVIOUS] >= zero):  # a car that backs up
+            break
+        segment = np.int64(road[segment, at.R_PREVIOUS])
+        along += road[segment, at.R_LENGTH]
+    return segment, along
+
+
 @helper
 def look_ahead(first, last, block, counted, road, settings, observation):
     """Write curvature at the car and ahead of it, along the road at the present speed or at fixed distances."""
     column = np.int64(settings[at.FIRST_PREVIEW])
     place = at.CHANNELS + 2 * column
     low, high = settings[place], settings[place + 1]
-    samples, rows = np.int64(settings[at.PREVIEW]), road.shape[0]
+    samples = np.int64(settings[at.PREVIEW])
     for i in range(first, last if samples > 0 else first):
         segment = counted[at.SEGMENT, i]
         zero = like(low, 0.0)
         along = larger(block[at.ALONG, i], zero)
         spacing = block[at.SPEED, i] * settings[at.PREVIEW_TIME] + settings[at.PREVIEW_DISTANCE]
+        length, curvature, slope = _shape(road, segment)
         for k in range(samples):
-            for _ in range(rows):
-                if not along >= road[segment, at.R_LENGTH]:
-                    break
-                along -= road[segment, at.R_LENGTH]
-                segment = np.int64(road[segment, at.R_NEXT])
-            for _ in range(rows):
-                if not (along < zero and road[segment, at.R_PREVIOUS] >= zero):  # a car that backs up
-                    break
-                segment = np.int64(road[segment, at.R_PREVIOUS])
-                along += road[segment, at.R_LENGTH]
-            kappa = road[segment, at.R_CURVATURE] + road[segment, at.R_CURVATURE_SLOPE] * larger(along, zero)
-            observation[i, column + k] = clip(kappa, low, high)
+            if along >= length or along < zero:  # two loops set up for nothing cost half of all this
+                segment, along = _find(segment, along, road)
+                length, curvature, slope = _shape(road, segment)
+            observation[i, column + k] = clip(curvature + slope * larger(along, zero), low, high)
             along += spacing
 
 

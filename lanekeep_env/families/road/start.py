@@ -30,6 +30,10 @@ _AT_REST = (
         at.LEAD_TARGET,
         at.LEAD_RATE,
         at.LEAD_SEEN,
+        at.POSITION_SPEED,
+        at.POSITION_PULL,
+        at.POSITION_TARGET,
+        at.POSITION_RATE,
     ),
 )
 
@@ -139,6 +143,7 @@ def start_drive(i, key, block, counted, settings, drive, timelines):
         block[at.STEP, i] = like(settings[0], 0.0)  # the time of the first events
         block[at.LEAD_GAP, i] = at.NOWHERE
         block[at.STOP_GAP, i] = at.FAR
+        block[at.POSITION_GAP, i] = at.NOWHERE
         block[at.FRONT_GRIP, i] = block[at.FRONT_PEAK, i]
         block[at.REAR_GRIP, i] = block[at.REAR_PEAK, i]
         low, high = np.float64(settings[at.SLOPE_LOW]), np.float64(settings[at.SLOPE_HIGH])
