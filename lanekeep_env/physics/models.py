@@ -19,8 +19,8 @@ class CarModel:
         name: of its compiled functions.
         rates: of the state in path coordinates, a function of `single_track`.
         outputs: sideslip, yaw rate and lateral acceleration that it shows, a function of `single_track`.
-        pace: where its speed comes from: the road's `PROFILE`, set speeds that it approaches (`PACED`), or an
-            acceleration (`DRIVEN`), a powertrain's or somebody's.
+        pace: where its speed comes from: the road's `PROFILE`, set speeds that it approaches (`PACED`), or a
+            powertrain (`DRIVEN`).
         slips: whether it has tyres, or rolls where its wheels point.
         saturates: whether these know friction: the car may spin, and a speed profile must know it too.
         front_speed: whether its speed is the front wheels', not the reference point's.
@@ -51,7 +51,6 @@ MAGIC_FORMULA = CarModel(
     "magic_formula", cars.dynamic_magic_formula, cars.magic_formula_outputs, slips=True, saturates=True
 )
 FRONT_DRIVEN = CarModel("front_driven", cars.front_driven, cars.front_driven_outputs, PACED, front_speed=True)
-KINEMATIC_DRIVEN = CarModel("kinematic_driven", cars.kinematic, cars.kinematic_outputs, DRIVEN)
 KINEMATIC_PACED = CarModel("kinematic_paced", cars.kinematic, cars.kinematic_outputs, PACED)
 LINEAR_PACED = CarModel("linear_paced", cars.dynamic_linear, cars.linear_outputs, PACED, slips=True)
 POWERED = CarModel("powered", cars.dynamic_both_ways, cars.both_ways_outputs, DRIVEN, slips=True, saturates=True)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_env import layout as at
-from lanekeep_env.adapters.highway.plane import driver, fill
+from lanekeep_env.adapters.highway.plane import KINEMATIC_DRIVEN, kernels
 from lanekeep_env.families.road.cars import RoadCars
-from lanekeep_env.physics.models import KINEMATIC_DRIVEN, POWERED, CarModel
+from lanekeep_env.physics.models import POWERED, CarModel
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.scenario import LaneKeepScenario
 
@@ -41,7 +41,7 @@ class Plant:
         self._settings, (_, self._gear, self.floor, *_) = cars.settings, cars.equipment
         #: Largest acceleration, m/s²: no tyre gives more than friction times load.
         self.grip = scenario.friction * GRAVITY if scenario.model.slips else math.inf
-        self._drive = driver(scenario.model)
+        fill, self._drive = kernels(scenario.model)
         self._new = cars.cars[0].copy()
         fill(self._new, self._settings)
 
