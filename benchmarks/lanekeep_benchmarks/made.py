@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -37,7 +38,10 @@ def make_definitions(suite: Suite, where: str) -> dict[str, Made]:
 
 
 def _made(scenario: SuiteScenario) -> Made:
-    spec: Any = gym.spec(scenario.env_id)
+    adapter, _, name = scenario.env_id.rpartition(":")
+    if adapter:
+        import_module(adapter)
+    spec: Any = gym.spec(name)
     environment: Any = load_env_creator(spec.vector_entry_point)
     record = environment.scenario_class
     definition = record.from_keywords(**scenario.keywords)  # which knows no keywords but the scenario's

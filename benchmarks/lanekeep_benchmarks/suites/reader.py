@@ -23,6 +23,8 @@ LARGEST_FILE, LONGEST_LINE = 1 << 16, 1000
 DEEPEST = 8
 #: Episodes of each scenario that a suite may ask for.
 MOST_EPISODES = 1_000_000
+#: Environments of others, behind an adapter that is imported with the first of them, "module:id".
+ADAPTED = ("lanekeep_env.adapters.highway:lanekeep/Highway-v0",)
 #: Names become parts of the names of files.
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
@@ -127,7 +129,7 @@ def _check_fields(where: str, table: Mapping[str, Any], kinds: Mapping[str, type
         if key not in table:
             raise ValueError(f"{where}{key} is missing; it must be {_KINDS[kinds[key]]}")
     if "env_id" in table:
-        choose(f"{where}env_id", table["env_id"], ENVIRONMENTS)
+        choose(f"{where}env_id", table["env_id"], (*ENVIRONMENTS, *ADAPTED))
     for metric in table.get("metrics", ()):
         choose(f"{where}metrics", metric, METRICS)
     _check_distinct(f"{where}metrics", table.get("metrics", ()))

@@ -13,6 +13,8 @@ Importing this makes its configuration know two more types, and changes nothing 
 `RoadLane` puts our roads into its networks. `lanekeep bench highway` drives its own tasks as they are.
 """
 
+from gymnasium.envs.registration import register, registry
+
 try:
     import highway_env
     from highway_env.envs.common import abstract as their_env
@@ -32,6 +34,7 @@ from lanekeep_env.adapters.highway.vehicle import EgoVehicle
 __all__ = [
     "ACTION",
     "OBSERVATION",
+    "TASK",
     "THEIR_CAR",
     "EgoAction",
     "EgoObservation",
@@ -42,8 +45,20 @@ __all__ = [
     "look",
 ]
 
+#: `gym.make_vec("lanekeep_env.adapters.highway:lanekeep/Highway-v0")`.
+TASK = "lanekeep/Highway-v0"
+
 # Their factories know their own types only: where they look them up, ours stand beside.
 for _module in (their_actions, their_env):
     _module.action_factory = extended(_module.action_factory, ACTION, EgoAction)
 for _module in (their_observations, their_env):
     _module.observation_factory = extended(_module.observation_factory, OBSERVATION, EgoObservation)
+# Their tasks as the benchmark drives them.
+if TASK not in registry:
+    register(
+        TASK,
+        entry_point="lanekeep_env.adapters.highway.task:HighwayTask",
+        vector_entry_point="lanekeep_env.adapters.highway.task:HighwayVectorEnv",
+        order_enforce=False,
+        disable_env_checker=True,
+    )

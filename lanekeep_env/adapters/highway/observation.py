@@ -22,15 +22,18 @@ from lanekeep_env.adapters.highway.vehicle import EgoVehicle
 OBSERVATION = "LanekeepObservation"
 
 
-def look(env: Any, vehicle: Any, preview: int, interval: float) -> dict[str, float]:
+def look(
+    env: Any, vehicle: Any, preview: int, interval: float, index: tuple[str, str, int] | None = None
+) -> dict[str, float]:
     """Return each channel's value by name, true values.
 
     Args:
         env: theirs, unwrapped.
         vehicle: who looks: any of theirs, or ours.
         preview: number of curvature samples, ``interval`` s apart at the present speed, the first one at the vehicle.
+        index: of the lane to follow, by default that of `lane_of`.
     """
-    index = lane_of(env, vehicle)
+    index = lane_of(env, vehicle) if index is None else index
     s, lateral, heading = foot(env.road.network.get_lane(index), vehicle.position)
     angle, command = _steering(vehicle)
     ahead = curvatures(env, vehicle, index, s, max(vehicle.speed, 0.0) * interval)

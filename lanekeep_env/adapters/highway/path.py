@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from copy import copy
 from typing import Any, NamedTuple
 
 import numpy as np
 from highway_env.envs.lane_keeping_env import LaneKeepingEnv
 from highway_env.road.lane import AbstractLane
+from highway_env.vehicle.behavior import IDMVehicle
 
 from lanekeep_env.adapters.highway.axes import Floats, turned
 
@@ -73,6 +75,28 @@ def lane_of(env: Any, vehicle: Any) -> tuple[str, str, int]:
         return min(on_route, key=lambda index: _distance(network, index, vehicle))
     found: tuple[str, str, int] = vehicle.lane_index
     return found
+
+
+class LaneChoice:
+    """Which lane a vehicle is to follow among others: highway-env's own MOBIL decides, as for its own vehicles."""
+
+    def __init__(self, env: Any, vehicle: Any) -> None:
+        self._env, self._vehicle = env, vehicle
+        # Beside the road: MOBIL must not find the vehicle itself ahead of it.
+        self._road = copy(env.road)
+        self._driver = IDMVehicle(self._road, vehicle.position, vehicle.heading, vehicle.speed)
+
+    def __call__(self, seconds: float) -> tuple[str, str, int]:
+        """Return the lane's index, ``seconds`` after the last call."""
+        driver, vehicle = self._driver, self._vehicle
+        self._road.vehicles = [other for other in self._env.road.vehicles if other is not vehicle]
+        driver.position, driver.heading, driver.speed = vehicle.position.copy(), vehicle.heading, vehicle.speed
+        driver.on_state_update()
+        driver.timer += seconds
+        driver.follow_road()
+        driver.change_lane_policy()
+        found: tuple[str, str, int] = driver.target_lane_index
+        return found
 
 
 def _distance(network: Any, index: tuple[str, str, int], vehicle: Any) -> float:
