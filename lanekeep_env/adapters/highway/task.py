@@ -28,25 +28,24 @@ _AUTORESET = {"next_step": AutoresetMode.NEXT_STEP, "same_step": AutoresetMode.S
 class HighwayTask(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     """One of highway-env's environments; `HighwayScenario` says which, and its fields are the keywords.
 
-    The action is the steering angle (and the acceleration, where it asks for one), in [-1, 1], to the left positive; the
-    observation the scenario's channels; ``info`` has `TRUTH` (``cost`` is 1 where the episode ended as a failure) and
-    ``is_success``. Reward and termination are theirs. Among others on several lanes their MOBIL says which lane errors and
+    The action is the steering angle (and the acceleration, where it asks for one), in [-1, 1], to the left positive;
+    the observation the scenario's channels; ``info`` has `TRUTH` (``cost`` is 1 where the episode ended as a failure)
+    and ``is_success``. Reward and termination are theirs. On several lanes their MOBIL says which of them errors and
     curvatures are of: policies steer.
     """
-
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
 
     def __init__(self, scenario: HighwayScenario) -> None:
         self.scenario = scenario
         config = dict(scenario.config)
         if scenario.observation == "exact":  # theirs is not looked at, and an occupancy grid costs more than all else
             config["observation"] = {"type": OBSERVATION, "preview": 0}
-        self._env: Any = gym.make(scenario.env, config=config, disable_env_checker=True).unwrapped
+        made: Any = gym.make(scenario.env, config=config, disable_env_checker=True)
+        self._env = made.unwrapped
         self._lane: LaneChoice | None = None
         low, high = scenario.channel_bounds().T
         self.observation_space = Box(low.copy(), high.copy(), dtype=np.float32)
         self.action_space = Box(-1.0, 1.0, (scenario.num_actions,), dtype=np.float32)
-        self._ours = self._env.config["action"]["type"] == ACTION
+        self._ours = made.unwrapped.config["action"]["type"] == ACTION
         self._steps, self._angle = 0, 0.0
 
     def reset(
