@@ -93,6 +93,8 @@ class HighwayScenario(ScenarioRecord):
         choose("observation", self.observation, OBSERVATIONS)
         if self.observation == "theirs" and self.env != _LANE_KEEPING:
             raise ValueError(f"observation='theirs' is not allowed with env={self.env!r}; allowed: {_LANE_KEEPING}")
+        if self.sensors:
+            raise ValueError(f"sensors={shown(self.sensors)} is not allowed: nothing is measured there but by them")
         require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=10_000_000, whole=True)
         _ = self._believed
 
