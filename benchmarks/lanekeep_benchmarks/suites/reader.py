@@ -12,6 +12,7 @@ from typing import Any
 from lanekeep_benchmarks.metrics import METRICS
 from lanekeep_benchmarks.suites.records import Suite, SuiteScenario
 from lanekeep_env import ENVIRONMENTS
+from lanekeep_env.adapters import full_ids
 from lanekeep_env.checks import LONGEST_ECHO, choose, nearest, require, shown, shown_path
 from lanekeep_env.files import read_bounded
 
@@ -23,8 +24,6 @@ LARGEST_FILE, LONGEST_LINE = 1 << 16, 1000
 DEEPEST = 8
 #: Episodes of each scenario that a suite may ask for.
 MOST_EPISODES = 1_000_000
-#: Environments of others, behind an adapter that is imported with the first of them, "module:id".
-ADAPTED = ("lanekeep_env.adapters.highway:lanekeep/Highway-v0",)
 #: Names become parts of the names of files.
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
@@ -129,7 +128,7 @@ def _check_fields(where: str, table: Mapping[str, Any], kinds: Mapping[str, type
         if key not in table:
             raise ValueError(f"{where}{key} is missing; it must be {_KINDS[kinds[key]]}")
     if "env_id" in table:
-        choose(f"{where}env_id", table["env_id"], (*ENVIRONMENTS, *ADAPTED))
+        choose(f"{where}env_id", table["env_id"], (*ENVIRONMENTS, *full_ids()))
     for metric in table.get("metrics", ()):
         choose(f"{where}metrics", metric, METRICS)
     _check_distinct(f"{where}metrics", table.get("metrics", ()))
