@@ -94,10 +94,10 @@ class HighwayBuiltIn(SteeringPolicy):
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats | None]:
         speed = at["speed"]
-        floored = np.where(np.abs(speed) > 1e-2, speed, np.where(speed >= 0.0, 1e-2, -1e-2))
+        floored = np.maximum(speed, 1e-2)
         asked = np.arcsin(np.clip(-self.lateral_rate * at["lateral_error"] / floored, -1.0, 1.0))
         turn = 0.5 * (at["curvature_preview_0"] + at[self._last]) * speed * self.pursuit
         missing = turn + np.clip(asked, -math.pi / 4, math.pi / 4) - at["heading_error"]
-        missing = (missing + math.pi) % (2.0 * math.pi) - math.pi
+        missing = missing - 2.0 * math.pi * np.round(missing / (2.0 * math.pi))
         slip = np.arcsin(np.clip(self.length / 2 / floored * self.heading_rate * missing, -1.0, 1.0))
         return np.clip(np.arctan(2.0 * np.tan(slip)), -self.largest, self.largest), None

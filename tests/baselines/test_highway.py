@@ -41,3 +41,20 @@ def test_they_are_for_their_tasks_alone():
     assert not own & set(lanekeep_baselines.names(LaneKeepScenario(preview=12)))
     with pytest.raises(ValueError, match="'highway-p' is not for LaneKeepScenario, which has no 'env'"):
         lanekeep_baselines.make("highway-p", LaneKeepScenario())
+
+
+@pytest.mark.parametrize("name", ("highway-built-in", "highway-p", "highway-zero"))
+def test_rows_do_not_know_of_each_other_and_left_and_right_are_alike(name):
+    scenario = HighwayScenario(preview=3)
+    policy, rng = lanekeep_baselines.make(name, scenario), np.random.default_rng(1)
+    spread = [{"lateral_error": 3.0, "heading_error": 1.0}.get(c.name, 0.05) for c in scenario.channels]
+    rows = (rng.normal(size=(1000, len(spread))) * spread).astype(np.float32)
+    column = [c.name for c in scenario.channels].index("speed")
+    rows[:, column] = rng.uniform(0.0, 40.0, 1000)
+    actions, state = policy.predict(rows)
+    assert state is None and actions.shape == (1000, 1) and actions.dtype == np.float32
+    for i in (0, 1, 7, 500, 998, 999):
+        assert policy.predict(rows[i])[0].tobytes() == actions[i].tobytes()
+    mirrored = -rows
+    mirrored[:, column] *= -1.0
+    np.testing.assert_array_equal(policy.predict(mirrored)[0], -actions)
