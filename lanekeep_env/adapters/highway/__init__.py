@@ -16,7 +16,7 @@ Importing this makes its configuration know two more types, and changes nothing 
 from gymnasium.envs.registration import register, registry
 
 try:
-    import highway_env
+    import highway_env  # noqa: F401  # which registers its ids
     from highway_env.envs.common import abstract as their_env
     from highway_env.envs.common import action as their_actions
     from highway_env.envs.common import observation as their_observations
@@ -41,7 +41,6 @@ __all__ = [
     "EgoVehicle",
     "HighwayScenario",
     "RoadLane",
-    "highway_env",
     "look",
 ]
 

@@ -12,9 +12,11 @@ from gymnasium.envs.registration import load_env_creator
 from highway_env.envs.common.action import ContinuousAction
 
 from lanekeep_env.adapters.highway.action import ACTION, plant_of
+from lanekeep_env.adapters.highway.vehicle import EgoVehicle
 from lanekeep_env.checks import choose, require, shown
 from lanekeep_env.physics.parameters import VehicleParameters
 from lanekeep_env.plain import json_able
+from lanekeep_env.roads import ConstantSpeed, StraightRoad
 from lanekeep_env.scenario import Channel, LaneKeepScenario
 from lanekeep_env.scenario.base import ScenarioRecord
 from lanekeep_env.scenario.effects import Need
@@ -131,6 +133,8 @@ class HighwayScenario(ScenarioRecord):
             dynamics=dynamics,
             max_steering_angle=largest,
             control_step=self.control_step,
+            road=StraightRoad(),
+            speed=ConstantSpeed(EgoVehicle.MAX_SPEED),
             preview=self.preview,
             preview_interval=self.preview_interval,
             reference_lateral_error=self.reference_lateral_error,

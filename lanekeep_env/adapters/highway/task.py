@@ -34,8 +34,9 @@ class HighwayTask(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     curvatures are of: policies steer.
     """
 
-    def __init__(self, scenario: HighwayScenario) -> None:
-        self.scenario = scenario
+    def __init__(self, scenario: HighwayScenario | None = None, **keywords: Any) -> None:
+        given = keywords if scenario is None else {**keywords, "scenario": scenario}
+        self.scenario = scenario = HighwayScenario.from_keywords(**given)
         config = dict(scenario.config)
         if scenario.observation == "exact":  # theirs is not looked at, and an occupancy grid costs more than all else
             config["observation"] = {"type": OBSERVATION, "preview": 0}

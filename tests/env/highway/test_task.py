@@ -84,8 +84,10 @@ def test_their_mobil_goes_round_a_slower_car_and_not_into_one_beside():
         assert len(env.road.vehicles) == count
 
 
-def test_a_task_passes_gymnasiums_checks():
-    check_env(HighwayTask(HighwayScenario(episode_steps=20)), skip_render_check=True)
+def test_a_task_passes_gymnasiums_checks_and_is_made_by_its_name():
+    env = gym.make(f"lanekeep_env.adapters.highway:{TASK}", env="lane-keeping-v0", episode_steps=20)
+    assert env.unwrapped.scenario == HighwayScenario(episode_steps=20)
+    check_env(env.unwrapped, skip_render_check=True)
 
 
 @pytest.mark.parametrize("mode", ("next_step", "same_step"))
