@@ -1,6 +1,7 @@
 """`lanekeep replicate`: figures, printed beside recomputed, nothing overwritten, errors in one line."""
 
 import json
+import sys
 
 import pytest
 from PIL import Image
@@ -451,3 +452,12 @@ def test_their_yaw_rate_grows_below_5_6_m_s_and_ours_is_the_exact_one_at_every_s
     for speed, there, here, exact in rows:
         assert (float(there) > 1.0) == (float(speed) < 5.57)
         assert abs(float(here) - float(exact)) < 0.0011
+
+
+def test_without_highway_env_a_line_says_what_to_install(monkeypatch, tmp_path, capsys):
+    for name in [name for name in sys.modules if name.startswith(("highway_env", "lanekeep_env.adapters.highway"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "highway_env", None)
+    for arguments in (["replicate", "highway"], ["bench", "highway"]):
+        assert cli.run([*arguments, "--out", str(tmp_path / arguments[0])]) == 2
+        assert 'highway_env is missing: pip install "lanekeep[highway]"\n' in capsys.readouterr().err

@@ -30,7 +30,7 @@ WORKS = {
     "knightriders": "Team KnightRiders 2017: the 1:10 car along a wall",
     "werling": "Werling, Gröll, Bretthauer 2008: one controller from parking to an evasive path",
 }
-#: The same of what is no published work, and of none of their page.
+#: The same of packages that have an adapter; not on the page of the works.
 BESIDE = {"highway": "highway-env 1.12: its car with tyres beside the same car here"}
 #: Word for all works.
 ALL = "all"
@@ -51,5 +51,7 @@ def steps_of(work: str) -> Iterator[Step]:
         ModuleNotFoundError: the other package is not installed; names the extra that brings it.
     """
     choose("work", work, (*WORKS, *BESIDE))
+    if work in BESIDE:
+        import_module(f"lanekeep_env.adapters.{work}")  # which says what to install
     module = import_module(f"lanekeep_benchmarks.replications.{work}")
     yield from module.STEPS
