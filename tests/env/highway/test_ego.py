@@ -9,6 +9,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import RecordVideo
 from highway_env.vehicle.kinematics import Vehicle
 
 import lanekeep_baselines
@@ -201,6 +202,22 @@ def test_in_a_contact_both_are_told():
         if crashed:
             break
     assert crashed and car.crashed and env.unwrapped.road.vehicles[-1].crashed
+
+
+def test_a_film_shows_our_car(tmp_path, monkeypatch):
+    monkeypatch.delenv("SDL_VIDEODRIVER", raising=False)  # "dummy" makes their viewer draw nothing
+    env = gym.make("racetrack-v1", render_mode="rgb_array", config={"action": EGO, **FAST})
+    env = RecordVideo(env, str(tmp_path), disable_logger=True)
+    env.reset(seed=0)
+    for _ in range(5):
+        env.step(np.zeros(1, dtype=np.float32))
+    picture = env.render()
+    env.close()
+    assert list(tmp_path.glob("*.mp4"))
+    rows, columns = np.nonzero((picture == [200, 200, 0]).all(axis=2))
+    car, scale = env.unwrapped.vehicle, env.unwrapped.config["scaling"]
+    assert np.ptp(columns) == pytest.approx(car.LENGTH * scale, abs=4.0)  # its outline is black
+    assert np.ptp(rows) == pytest.approx(car.WIDTH * scale, abs=4.0)
 
 
 # --- what is refused
