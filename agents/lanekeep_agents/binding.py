@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ import lanekeep_baselines
 from lanekeep_agents.foreign import one_line, refuse_files
 from lanekeep_agents.policy_record import InputChannel, PolicyRecord
 from lanekeep_env import ENVIRONMENTS, __version__
+from lanekeep_env.adapters import scenario_class
 from lanekeep_env.checks import nearest, shown
 from lanekeep_env.scenario.car import CarScenario
 
@@ -104,11 +106,18 @@ class Binding:
         return converted
 
 
+def _record_of(record: PolicyRecord) -> Any:
+    """The record of the keywords of the environment that a policy was trained in."""
+    if record.env_id in ENVIRONMENTS:
+        return ENVIRONMENTS[record.env_id].scenario
+    return scenario_class(record.env_id)
+
+
 def trained_scenario(record: PolicyRecord, allow_files: bool = False) -> CarScenario:
     """Build the scenario that a policy was trained on; a file that it names is only read where that is allowed."""
     if not allow_files:
         refuse_files(record)
-    kind = ENVIRONMENTS[record.env_id].scenario
+    kind = _record_of(record)
     allowed = [field.name for field in fields(kind)]
     for name in record.scenario:
         if name not in allowed:
@@ -164,7 +173,7 @@ def _described(record: PolicyRecord) -> dict[str, str]:
     """
     values = {name: value for name, value in record.scenario.items() if name not in ("road", "world", "vehicle")}
     try:
-        scenario = ENVIRONMENTS[record.env_id].scenario(**values)
+        scenario = _record_of(record)(**values)
     except (TypeError, ValueError, ArithmeticError):
         return {}
     return {channel.name: channel.description for channel in scenario.channels}

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Self
 
 from lanekeep_agents.activations import ACTIVATIONS
 from lanekeep_env import ENVIRONMENTS
+from lanekeep_env.adapters import ADAPTED
 from lanekeep_env.checks import LONGEST_ECHO, choose, from_mapping, plain_numbers, require, shown
 
 #: Of the files that this version writes and reads.
@@ -168,7 +169,7 @@ class PolicyRecord:
                 f"name={shown(self.name)} is not allowed: it must be letters, digits and . _ + -, 200 of them at most"
             )
         _text("algorithm", self.algorithm)
-        choose("env_id", self.env_id, ENVIRONMENTS)
+        choose("env_id", self.env_id, (*ENVIRONMENTS, *ADAPTED))
         object.__setattr__(self, "scenario", _mapping("scenario", self.scenario))
         _digits("scenario_hash", self.scenario_hash, 16)
         require("actions", self.actions, "numbers", at_least=1, at_most=2, whole=True)

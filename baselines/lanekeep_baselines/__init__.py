@@ -64,6 +64,9 @@ _POLICIES = {
     "knightriders-shunt": "knightriders_shunt:KnightRidersShunt",
     "knightriders-park-published": "knightriders_park_published:KnightRidersParkPublished",
     "knightriders-modes": "knightriders_modes:KnightRidersModes",
+    "highway-built-in": "highway:HighwayBuiltIn",
+    "highway-p": "highway:HighwayP",
+    "highway-zero": "highway:HighwayZero",
 }
 
 

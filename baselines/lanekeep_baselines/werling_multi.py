@@ -16,7 +16,7 @@ from lanekeep_baselines.werling_longitudinal import Grip, LongitudinalControl, L
 from lanekeep_baselines.werling_tyres import WerlingCar
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.physics.powertrain_parameters import Powertrain
-from lanekeep_env.scenario.drive import LARGEST_ALONG
+from lanekeep_env.scenario.powered import LARGEST_ALONG
 
 
 class DriveScenario(GripScenario, Protocol):

@@ -12,6 +12,7 @@ from lanekeep_benchmarks.evaluate import make_cars
 from lanekeep_benchmarks.metrics import metrics_of
 from lanekeep_benchmarks.policies import check_policy, default_policies
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
+from lanekeep_env.adapters import scenario_class
 
 
 class Made(NamedTuple):
@@ -37,7 +38,9 @@ def make_definitions(suite: Suite, where: str) -> dict[str, Made]:
 
 
 def _made(scenario: SuiteScenario) -> Made:
-    spec: Any = gym.spec(scenario.env_id)
+    if ":" in scenario.env_id:
+        scenario_class(scenario.env_id)
+    spec: Any = gym.spec(scenario.env_id.rpartition(":")[2])
     environment: Any = load_env_creator(spec.vector_entry_point)
     record = environment.scenario_class
     definition = record.from_keywords(**scenario.keywords)  # which knows no keywords but the scenario's

@@ -12,12 +12,28 @@ from rich.text import Text
 
 from lanekeep_benchmarks.console import console, progress
 from lanekeep_benchmarks.endings import input_errors, interruptible
-from lanekeep_benchmarks.replications import ALL, HEADINGS, NOTE, NUMBERS, WORKS, Replication, replication_of, steps_of
+from lanekeep_benchmarks.replications import (
+    ALL,
+    BESIDE,
+    HEADINGS,
+    NOTE,
+    NUMBERS,
+    WORKS,
+    Replication,
+    replication_of,
+    steps_of,
+)
 from lanekeep_env.checks import choose
 from lanekeep_env.files import write_atomic
 
 TITLE = "The four works, driven again"
-_WHICH = "; ".join([*(f"{name}: {what}" for name, what in WORKS.items()), f"{ALL}: each of them, on one page"])
+_WHICH = "; ".join(
+    [
+        *(f"{name}: {what}" for name, what in WORKS.items()),
+        f"{ALL}: each of them, on one page",
+        *(f"{name}: {what}" for name, what in BESIDE.items()),
+    ]
+)
 
 
 def replicate(
@@ -35,7 +51,7 @@ def replicate(
     Example: lanekeep replicate all
     """
     with interruptible(""), input_errors():
-        choose("work", work, (*WORKS, ALL))
+        choose("work", work, (*WORKS, ALL, *BESIDE))
         works = list(WORKS) if work == ALL else [work]
         steps = [(one, *step) for one in works for step in steps_of(one)]
         folder = out or Path("results") / f"replicate-{work}"

@@ -26,17 +26,17 @@ def test_an_example_trains_saves_and_drives(example, tmp_path, monkeypatch, caps
     out = tmp_path / ("run" if entry_point else "policy.json")
     monkeypatch.setattr("sys.argv", [str(example), "--steps", "2000", "--out", str(out)])
     runpy.run_path(str(example), run_name="__main__")
-    assert capsys.readouterr().out.startswith("return -")
+    assert capsys.readouterr().out.startswith("return ")
     policy = lanekeep_agents.load(out / "td3-lane-keep-seed0.json" if entry_point else out)
     assert (
-        policy.record.algorithm == ("PPO" if example.stem == "curriculum" else example.stem.upper())
+        policy.record.algorithm == ("PPO" if example.stem in ("curriculum", "highway") else example.stem.upper())
         and policy.record.training.steps >= 2000
     )
     assert len(example.read_text().splitlines()) < 40
 
 
-def test_there_is_an_example_of_each_algorithm_and_a_curriculum():
-    assert [file.stem for file in EXAMPLES] == ["curriculum", "ppo", "sac", "td3"]
+def test_there_is_an_example_of_each_algorithm_a_curriculum_and_anothers_task():
+    assert [file.stem for file in EXAMPLES] == ["curriculum", "highway", "ppo", "sac", "td3"]
 
 
 @pytest.mark.parametrize("normalised", [True, False])

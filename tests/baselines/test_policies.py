@@ -161,8 +161,8 @@ def test_copies_and_pickles(name: str) -> None:
 
 
 def test_every_policy_has_its_scenario() -> None:
-    """Others are held to the same promises in `test_knightriders`, `test_werling` and `test_lane_support`."""
-    others = "knightriders", "werling", "lane-support"
+    """Others are held to the same in `test_knightriders`, `test_werling`, `test_lane_support` and `test_highway`."""
+    others = "knightriders", "werling", "lane-support", "highway"
     elsewhere = {name for name in lanekeep_baselines.names() if name.startswith(others)}
     assert set(SCENARIOS) == set(lanekeep_baselines.names()) - elsewhere
     assert not set(lanekeep_baselines.names(SCENARIO)) & set(lanekeep_baselines.names(CAMERA))

@@ -1,12 +1,13 @@
 """`lanekeep replicate`: figures, printed beside recomputed, nothing overwritten, errors in one line."""
 
 import json
+import sys
 
 import pytest
 from PIL import Image
 
 from lanekeep_benchmarks import cli
-from lanekeep_benchmarks.replications import WORKS
+from lanekeep_benchmarks.replications import BESIDE, WORKS
 from lanekeep_benchmarks.replications.differences import DIFFERENCES
 
 pytestmark = pytest.mark.long
@@ -21,9 +22,18 @@ def everything(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def replicated(everything):
+def beside(tmp_path_factory):
+    """Folder of each comparison that is no published work."""
+    folder = tmp_path_factory.mktemp("comparisons")
+    for name in BESIDE:
+        assert cli.run(["replicate", name, "--out", str(folder / name)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def replicated(everything, beside):
     """Tables and rows of a work, as the JSON has them."""
-    works = read(everything)["works"]
+    works = read(everything)["works"] | {name: read(beside / name) for name in BESIDE}
     return works.__getitem__
 
 
@@ -45,7 +55,7 @@ def table_of(found, title):
 
 
 #: How many rows a work has, and how many of them are numbers that the work itself prints.
-COUNTS = {"traechtler": (21, 2), "yin": (46, 27), "knightriders": (40, 5), "werling": (21, 8)}
+COUNTS = {"traechtler": (21, 2), "yin": (46, 27), "knightriders": (40, 5), "werling": (21, 8), "highway": (10, 0)}
 #: The row that contradicts the work; it has its own test.
 CONTRADICTED = "avoidable contacts"
 #: Of rows that are not equal to the last digit, how far they may be off; ranges, lags, shift points, coarser steps.
@@ -64,7 +74,7 @@ TOLERANCES = {
 }
 
 
-@pytest.mark.parametrize("work", WORKS)
+@pytest.mark.parametrize("work", [*WORKS, *BESIDE])
 def test_every_number_comes_back_or_says_why_not(replicated, work):
     """Equal within half of the last digit that is given, or a sentence; what is printed in the work is told apart."""
     rows = replicated(work)["rows"]
@@ -139,6 +149,7 @@ PICTURES = {
         "set_path.png",
     },
     "werling": {"figure_8.png", "figure_9.png", "figure_10.png", "braking_in_a_swerve.png", "robustness.png"},
+    "highway": {"faults.png"},
 }
 
 
@@ -436,3 +447,31 @@ def test_at_walking_speed_the_car_with_slip_is_the_rolling_one(replicated):
     errors = [abs(float(row[-1])) for row in rows]
     assert slips[0] < 0.4 and errors[0] < 0.4 and slips == sorted(slips) and errors == sorted(errors)
     assert slips[-1] > 4.0 and errors[-1] > 5.0
+
+
+# --- highway-env
+
+
+def test_the_page_of_a_comparison_has_its_rows_and_its_picture(beside):
+    found, text = read(beside / "highway"), (beside / "highway" / "replication.md").read_text()
+    assert set(found["pictures"]) == PICTURES["highway"] and "![faults.png](faults.png)" in text
+    assert all(row["quantity"] in text for row in found["rows"])
+    with Image.open(beside / "highway" / "faults.png") as picture:
+        assert picture.size[0] > 1000
+
+
+def test_their_yaw_rate_grows_below_5_6_m_s_and_ours_is_the_exact_one_at_every_speed(replicated):
+    rows = table_of(replicated("highway"), "small yaw rate")
+    assert len(rows) == 9
+    for speed, there, here, exact in rows:
+        assert (float(there) > 1.0) == (float(speed) < 5.57)
+        assert abs(float(here) - float(exact)) < 0.0011
+
+
+def test_without_highway_env_a_line_says_what_to_install(monkeypatch, tmp_path, capsys):
+    for name in [name for name in sys.modules if name.startswith(("highway_env", "lanekeep_env.adapters.highway"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "highway_env", None)
+    for arguments in (["replicate", "highway"], ["bench", "highway"]):
+        assert cli.run([*arguments, "--out", str(tmp_path / arguments[0])]) == 2
+        assert 'highway_env is missing: pip install "lanekeep[highway]"\n' in capsys.readouterr().err

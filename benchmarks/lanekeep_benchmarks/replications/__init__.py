@@ -9,7 +9,19 @@ from lanekeep_benchmarks.replications.differences import DIFFERENCES
 from lanekeep_benchmarks.replications.record import HEADINGS, NOTE, NUMBERS, Replication, Row, Table
 from lanekeep_env.checks import choose
 
-__all__ = ["ALL", "HEADINGS", "NOTE", "NUMBERS", "WORKS", "Replication", "Row", "Table", "replication_of", "steps_of"]
+__all__ = [
+    "ALL",
+    "BESIDE",
+    "HEADINGS",
+    "NOTE",
+    "NUMBERS",
+    "WORKS",
+    "Replication",
+    "Row",
+    "Table",
+    "replication_of",
+    "steps_of",
+]
 
 #: Name of a work, which is that of the module that drives it, and what it is.
 WORKS = {
@@ -18,7 +30,9 @@ WORKS = {
     "knightriders": "Team KnightRiders 2017: the 1:10 car along a wall",
     "werling": "Werling, Gröll, Bretthauer 2008: one controller from parking to an evasive path",
 }
-#: Word for all of them.
+#: The same of packages that have an adapter; not on the page of the works.
+BESIDE = {"highway": "highway-env 1.12: its car with tyres beside the same car here"}
+#: Word for all works.
 ALL = "all"
 
 Step = tuple[str, Callable[[Replication], None]]
@@ -26,7 +40,7 @@ Step = tuple[str, Callable[[Replication], None]]
 
 def replication_of(work: str) -> Replication:
     """Return a work's replication, of which nothing is driven yet."""
-    return Replication(WORKS[work], DIFFERENCES[work])
+    return Replication({**WORKS, **BESIDE}[work], DIFFERENCES.get(work, {}))
 
 
 def steps_of(work: str) -> Iterator[Step]:
@@ -34,7 +48,10 @@ def steps_of(work: str) -> Iterator[Step]:
 
     Raises:
         ValueError: unknown work; the nearest one is named.
+        ModuleNotFoundError: the other package is not installed; names the extra that brings it.
     """
-    choose("work", work, WORKS)
+    choose("work", work, (*WORKS, *BESIDE))
+    if work in BESIDE:
+        import_module(f"lanekeep_env.adapters.{work}")  # which says what to install
     module = import_module(f"lanekeep_benchmarks.replications.{work}")
     yield from module.STEPS

@@ -12,6 +12,7 @@ from typing import Any
 from lanekeep_benchmarks.metrics import METRICS
 from lanekeep_benchmarks.suites.records import Suite, SuiteScenario
 from lanekeep_env import ENVIRONMENTS
+from lanekeep_env.adapters import full_ids
 from lanekeep_env.checks import LONGEST_ECHO, choose, nearest, require, shown, shown_path
 from lanekeep_env.files import read_bounded
 
@@ -127,7 +128,7 @@ def _check_fields(where: str, table: Mapping[str, Any], kinds: Mapping[str, type
         if key not in table:
             raise ValueError(f"{where}{key} is missing; it must be {_KINDS[kinds[key]]}")
     if "env_id" in table:
-        choose(f"{where}env_id", table["env_id"], ENVIRONMENTS)
+        choose(f"{where}env_id", table["env_id"], (*ENVIRONMENTS, *full_ids()))
     for metric in table.get("metrics", ()):
         choose(f"{where}metrics", metric, METRICS)
     _check_distinct(f"{where}metrics", table.get("metrics", ()))
