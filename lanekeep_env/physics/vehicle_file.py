@@ -122,7 +122,7 @@ def _commonroad(fields: Mapping[str, Any], name: str) -> dict[str, Any]:
         numbers[key] = float(value)
     steering, tyre = fields.get("steering"), fields.get("tire")
     slope = tyre.get("p_ky1", -21.92) if isinstance(tyre, Mapping) else -21.92
-    if isinstance(slope, bool) or not isinstance(slope, int | float) or not slope < 0.0:
+    if isinstance(slope, bool) or not isinstance(slope, int | float) or not -1e9 < slope < 0.0:
         raise ValueError(f"tire.p_ky1={shown(slope)} is not allowed: it must be a number < 0")
     mass, front, rear = numbers["m"], numbers["a"], numbers["b"]
     scale = -slope * mass * 9.81 / (front + rear)

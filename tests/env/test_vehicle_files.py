@@ -69,6 +69,16 @@ def test_commonroad_parameter_files_are_their_cars(number):
     assert car["steering"] == typed["steering"]
 
 
+@pytest.mark.parametrize("slope", [-(10**400), -1e300, 0, "steep"])
+def test_a_commonroad_tyre_without_a_slope_is_refused_in_one_line(tmp_path, slope):
+    numbers = {"l": 4.5, "w": 1.8, "m": 1225, "I_z": 1538, "a": 0.88, "b": 1.5, "R_w": 0.34}
+    path = tmp_path / "car.yaml"
+    path.write_text(json.dumps({**numbers, "tire": {"p_ky1": slope}}))
+    with pytest.raises(ValueError, match=r"car\.yaml.*p_ky1=.*it must be a number < 0") as caught:
+        vehicle_from(str(path))
+    assert len(str(caught.value).splitlines()) == 1
+
+
 def test_nested_mappings_are_changes():
     car = vehicle_from({"base": "commonroad-1", "steering": {"delay": 0.05}})
     assert (car.steering.delay, car.steering.rate_limit, car.steering.angle_limit) == (0.05, 0.4, 0.91)
