@@ -2,6 +2,7 @@
 
 from lanekeep_env.scenario.base import INTEGRATION_STEP, Channel
 from lanekeep_env.scenario.camera import Camera, CameraLaneScenario, TurnOffScenario
+from lanekeep_env.scenario.circuit import CircuitScenario
 from lanekeep_env.scenario.course import CourseScenario, ObstacleCircuitScenario, ParallelParkScenario
 from lanekeep_env.scenario.drive import DriveScenario
 from lanekeep_env.scenario.driver import Driver
@@ -13,7 +14,7 @@ from lanekeep_env.scenario.scan import Scan
 from lanekeep_env.scenario.servo import Servo
 from lanekeep_env.scenario.support import LaneSupportScenario
 from lanekeep_env.scenario.traffic import Traffic
-from lanekeep_env.scenario.walls import CircuitScenario, WallFollowScenario
+from lanekeep_env.scenario.walls import WallFollowScenario
 
 __all__ = [
     "INTEGRATION_STEP",

@@ -12,9 +12,9 @@ import numpy as np
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require, shown
 from lanekeep_env.scenario.base import Channel
+from lanekeep_env.scenario.circuit import CircuitScenario
 from lanekeep_env.scenario.effects import Need
 from lanekeep_env.scenario.scan import SCANS, Scan
-from lanekeep_env.scenario.walls import CircuitScenario
 from lanekeep_env.sensing.ultrasonic import FARTHEST
 from lanekeep_env.walls import RandomObstacleCircuits, RandomParkingRows, WorldRecord
 
