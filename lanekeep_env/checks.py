@@ -7,7 +7,7 @@ import math
 import reprlib
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from numbers import Real
 from typing import Any, TypeVar
 
@@ -88,6 +88,12 @@ def require(
         )
 
 
+def require_line(name: str, value: Any) -> None:
+    """Raise ValueError unless ``value`` is one line of text."""
+    if not isinstance(value, str) or not value.isprintable() or not 1 <= len(value) <= 1000:
+        raise ValueError(f"{name}={shown(value)} is not allowed: it must be one line of text")
+
+
 def choose(name: str, value: Any, allowed: Iterable[str]) -> None:
     """Raise ValueError unless ``value`` is one of the allowed words."""
     allowed = list(allowed)
@@ -101,6 +107,9 @@ def from_mapping(record: type[T], mapping: Mapping[str, Any], name: str) -> T:
     for key in mapping:
         if key not in allowed:
             raise ValueError(f"{name} has no field {shown(key)}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
+    for f in fields(record):  # type: ignore[arg-type]
+        if f.init and f.default is f.default_factory is MISSING and f.name not in mapping:
+            raise ValueError(f"{name} needs {f.name!r}")
     return record(**mapping)
 
 
