@@ -22,8 +22,8 @@ from lanekeep_env.files import write_atomic
 GIF_WIDTH = 640
 #: Pictures a second at the most: more make the file large.
 LARGEST_RATE = 20.0
-#: Pictures that are held at the most; half a gigabyte.
-MOST_PICTURES = 800
+#: Pictures that are held at the most; with 750 of them, and Pillow, a process has 1.1 GB.
+MOST_PICTURES = 400
 #: Of an episode that is played, s.
 LONGEST = 3600.0
 
