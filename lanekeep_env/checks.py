@@ -98,6 +98,12 @@ def ordered(record: Any, of: str, lower: str, upper: str) -> None:
         )
 
 
+def require_line(name: str, value: Any) -> None:
+    """Raise ValueError unless ``value`` is one line of text."""
+    if not isinstance(value, str) or not value.isprintable() or not 1 <= len(value) <= 1000:
+        raise ValueError(f"{name}={shown(value)} is not allowed: it must be one line of text")
+
+
 def choose(name: str, value: Any, allowed: Iterable[str]) -> None:
     """Raise ValueError unless ``value`` is one of the allowed words."""
     allowed = list(allowed)

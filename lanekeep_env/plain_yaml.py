@@ -5,8 +5,14 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from lanekeep_env.checks import shown
+
 _DEEPEST = 10
 _LONGEST_VALUE = 4096
+_NUMBERS = {
+    "int": r"[-+]?(?:0|[1-9]\d*)$",
+    "float": r"[-+]?(?:(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+|\.(?:inf|Inf|INF))$|\.(?:nan|NaN|NAN)$",
+}
 
 
 def parse_yaml(content: bytes, most: int, holds: str, extra: str) -> Any:
@@ -31,12 +37,23 @@ def parse_yaml(content: bytes, most: int, holds: str, extra: str) -> Any:
         raise ValueError(f"it is not a text file; expected YAML with {holds}") from None
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]
-        """PyYAML's takes 5e-2 and 1e+03 for words."""
+        """YAML 1.2's numbers (PyYAML takes 5e-2 for a word and 1:20 for eighty), no dates, and no name twice."""
 
-        yaml_implicit_resolvers = {key: list(pairs) for key, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()}  # noqa: RUF012
+        yaml_implicit_resolvers = {  # noqa: RUF012
+            key: [pair for pair in pairs if pair[0].rpartition(":")[2] not in ("int", "float", "timestamp")]
+            for key, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
+        }
 
-    number = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
-    Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
+        def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+            names: set[str] = set()
+            for name, _ in node.value:
+                if str(name.value) in names:
+                    raise ValueError(f"line {name.start_mark.line + 1}: {shown(name.value)} appears twice")
+                names.add(str(name.value))
+            return super().construct_mapping(node, deep)
+
+    for tag, form in _NUMBERS.items():
+        Loader.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", re.compile(form), list("-+.0123456789"))
     depth = 0
     try:
         for count, event in enumerate(yaml.parse(text, Loader=Loader)):

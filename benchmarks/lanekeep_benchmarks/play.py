@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,11 +16,16 @@ import lanekeep_baselines
 import lanekeep_env  # noqa: F401
 from lanekeep_benchmarks.policies import Entry
 from lanekeep_benchmarks.replay import Replay
+from lanekeep_env.checks import require
 from lanekeep_env.files import write_atomic
 
 GIF_WIDTH = 640
 #: Pictures a second at the most: more make the file large.
 LARGEST_RATE = 20.0
+#: Pictures that are held at the most; with 750 of them, and Pillow, a process has 1.1 GB.
+MOST_PICTURES = 400
+#: Of an episode that is played, s.
+LONGEST = 3600.0
 
 
 @dataclass(frozen=True)
@@ -120,6 +125,7 @@ def play(drive: Drive, seconds: float | None, see: Callable[[np.ndarray], None] 
     Raises:
         ValueError, ImportError, gymnasium.error.Error: a wrong id, policy, option, or a missing extra.
     """
+    require("--seconds", seconds, "s", at_least=0.1, at_most=LONGEST, optional=True)
     env = drive.make("human" if see is None else "rgb_array")
     try:
         scenario = env.unwrapped.scenario  # type: ignore[attr-defined]
@@ -149,23 +155,37 @@ def play(drive: Drive, seconds: float | None, see: Callable[[np.ndarray], None] 
     )
 
 
+class Film:
+    """Evenly spaced pictures of a drive, in a GIF's size: with one too many, every other one goes."""
+
+    def __init__(self) -> None:
+        self.frames: list[np.ndarray] = []
+        self._seen, self._every = 0, 1
+
+    def see(self, picture: np.ndarray) -> None:
+        """Keep a picture (height, width, 3), uint8, or not."""
+        from PIL import Image
+
+        if self._seen % self._every == 0:
+            height, width, _ = picture.shape
+            size = (GIF_WIDTH, round(height * GIF_WIDTH / width))
+            self.frames.append(np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.LANCZOS)))
+        self._seen += 1
+        if len(self.frames) > MOST_PICTURES:
+            del self.frames[1::2]
+            self._every *= 2
+
+
 def write_gif(path: Path, frames: list[np.ndarray], seconds: float) -> None:
     """Write frames (height, width, 3) of a drive of ``seconds`` as a looped GIF, atomically."""
     from PIL import Image
 
     frames = frames[:: math.ceil(len(frames) / (LARGEST_RATE * seconds) - 1e-6)]
-    first = Image.fromarray(frames[0])
-    size = (GIF_WIDTH, round(first.height * GIF_WIDTH / first.width))
     # One palette for all frames: what does not move stays the same colour, and the file small.
     sample = Image.fromarray(np.vstack([frames[0], frames[len(frames) // 2], frames[-1]]))
     palette = sample.quantize(128, dither=Image.Dither.NONE)
 
-    def shrunk() -> Iterator[Image.Image]:
-        for frame in frames:
-            small = Image.fromarray(frame).resize(size, Image.Resampling.LANCZOS)
-            yield small.quantize(palette=palette, dither=Image.Dither.NONE)
-
-    pictures = list(shrunk())
+    pictures = [Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     buffer = io.BytesIO()
     pictures[0].save(
         buffer,

@@ -26,7 +26,7 @@ def play_command(
     road: Annotated[str | None, typer.Option(help="Name of a road or a CSV file.")] = None,
     world: Annotated[str | None, typer.Option(help="Name of a walled world or a map's YAML file.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the episode.")] = 0,
-    seconds: Annotated[float | None, typer.Option(min=0.1, help="Length at the most; default: 15.")] = None,
+    seconds: Annotated[float | None, typer.Option(help="Length at the most; default: 15.")] = None,
     run: Annotated[Path | None, typer.Option(help="Results folder, of which one episode is driven again.")] = None,
     episode: Annotated[int | None, typer.Option(min=0, help="Its number in the run.")] = None,
     scenario: Annotated[str | None, typer.Option(help="Its scenario, where the run has several.")] = None,
@@ -63,11 +63,11 @@ def play_command(
             raise ValueError(f"--gif {file} must end in .gif")
         if not human and file.exists() and not overwrite:
             raise ValueError(f"{file} exists; give another --gif or --overwrite")
-        frames: list[Any] = []
-        driven = playing.play(drive, seconds, None if human else frames.append)
+        film = playing.Film()
+        driven = playing.play(drive, seconds, None if human else film.see)
         if not human:
             file.parent.mkdir(parents=True, exist_ok=True)
-            playing.write_gif(file, frames, driven.seconds)
+            playing.write_gif(file, film.frames, driven.seconds)
     on_road = playing.place_of(drive.env_id) == "road"
     left, kept = ("left its lane", "stayed in its lane") if on_road else ("touched a wall", "touched none")
     end = left if driven.departed else kept

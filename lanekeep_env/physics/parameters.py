@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require, shown, shown_path
+from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require, require_line, shown, shown_path
 from lanekeep_env.physics.vehicle_file import ENDINGS, read_vehicle_file
 
 GRAVITY = 9.81
@@ -101,9 +101,7 @@ class VehicleParameters:
         require("vehicle.width", self.width, "m", at_least=1e-3, at_most=100.0)
         require("vehicle.wheel_radius", self.wheel_radius, "m", at_least=1e-3, at_most=10.0)
         for name in ("name", "source"):
-            text = getattr(self, name)
-            if not isinstance(text, str) or not text.isprintable() or not 1 <= len(text) <= 1000:
-                raise ValueError(f"vehicle.{name}={shown(text)} is not allowed: it must be one line of text")
+            require_line(f"vehicle.{name}", getattr(self, name))
         if not isinstance(self.steering, SteeringActuator):
             raise ValueError(f"vehicle.steering={shown(self.steering)} must be a mapping of SteeringActuator's fields")
         plain_numbers(self)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import plain_numbers, record_from, require, shown
+from lanekeep_env.checks import plain_numbers, record_from, require, require_line, shown
 
 #: Longitudinal acceleration beyond which a powertrain is none, m/s².
 LARGEST_PULL = 100.0
@@ -115,6 +115,7 @@ class Powertrain:
     settle_time: float = 3.0
 
     def __post_init__(self) -> None:
+        require_line("powertrain.name", self.name)
         if not isinstance(self.gears, tuple | list) or not 1 <= len(self.gears) <= at.GEARS_MOST:
             raise ValueError(f"powertrain.gears={shown(self.gears)} is not allowed: 1 to {at.GEARS_MOST} ratios")
         for ratio in self.gears:

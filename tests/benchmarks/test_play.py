@@ -1,10 +1,11 @@
 """`lanekeep play`: a GIF with the right frames, nothing overwritten, errors in one line."""
 
+import numpy as np
 import pytest
 from PIL import Image
 
 pytest.importorskip("pygame")
-from lanekeep_benchmarks import cli
+from lanekeep_benchmarks import cli, play
 
 
 def run(capsys, *arguments):
@@ -37,6 +38,8 @@ def test_a_gif_of_two_seconds(tmp_path, capsys):
         (["--road", "nowhere.csv"], "nowhere.csv"),
         (["--human", "--gif", "x.gif"], "--human"),
         (["--seconds", "-1"], "seconds"),
+        (["--seconds", "inf"], "--seconds=inf"),
+        (["--seconds", "nan"], "--seconds=nan"),
     ],
 )
 def test_wrong_input_is_one_line(arguments, word, capsys, tmp_path, monkeypatch):
@@ -44,6 +47,15 @@ def test_wrong_input_is_one_line(arguments, word, capsys, tmp_path, monkeypatch)
     code, said = run(capsys, *arguments)
     assert code == 2 and word in said.err and said.err.count("\n") == 1
     assert not list(tmp_path.rglob("*.gif"))
+
+
+def test_a_long_film_holds_few_pictures_evenly_spaced(monkeypatch):
+    monkeypatch.setattr(play, "MOST_PICTURES", 8)
+    film = play.Film()
+    for number in range(100):
+        film.see(np.full((20, 40, 3), number, np.uint8))
+    numbers = [int(frame[0, 0, 0]) for frame in film.frames]
+    assert numbers == list(range(0, 100, numbers[1])) and 4 <= len(numbers) <= 8
 
 
 def test_a_window_under_the_dummy_driver(capsys, monkeypatch):

@@ -137,6 +137,7 @@ def test_wrong_plans_and_set_points_are_named_in_one_line() -> None:
         ({"plan_errors": {"offsets": 1.0}}, ["offset"]),
         ({"plan_errors": {"radius": -1.0}}, ["plan_errors.radius=-1.0", ">= -0.9"]),
         ({"plan_errors": 3.0}, ["plan_errors=3.0", "mapping"]),
+        ({"set_points": {}}, ["set_points lacks the field 'minimum'"]),
         ({"set_points": 4.0}, ["set_points.maximum", "<= 3.0 m"]),
         ({"set_points": {"minimum": 1.0, "maximum": 2.0, "hold": 0.05}}, ["set_points.hold=0.05", "multiple"]),
         ({"plan": 0, "plan_errors": {"offset": 1.0}}, ["plan_errors", "no plan"]),

@@ -39,6 +39,10 @@ FAULTS = [
     ("[1, 2]", ["holds no fields"]),
     ('{"m": 1, "I_z": 2, "a": "x", "b": 1, "l": 1, "w": 1}', ["a='x' is not allowed"]),
     ("{", ["my_car.yaml"]),
+    ("mass: 1700\nlength: 4.5\nmass: 2", ["line 3", "mass", "twice"]),
+    ("steering:\n  lag: 0.1\n  lag: 0.2", ["line 3", "lag", "twice"]),
+    ("mass: 190:20:30", ["mass", "190:20:30"]),  # YAML 1.1 reads minutes and seconds
+    ("mass: 2001-99-99", ["mass", "2001-99-99"]),  # ... and dates
 ]
 
 
