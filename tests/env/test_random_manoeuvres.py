@@ -137,4 +137,5 @@ def test_random_episodes_give_numbers_inside_their_bounds(wanted):
             env.close()
     assert episodes >= wanted
     expected = {policy for policy in lanekeep_baselines.names() if policy.startswith("werling")}
+    expected.remove("werling-traffic")  # needs others around it: tests/baselines/test_werling_lanes.py
     assert set(guided) == expected and min(guided.values()) > wanted // 100, guided

@@ -10,14 +10,14 @@ import numba
 import numpy as np
 import pytest
 
-import lanekeep_env  # noqa: F401
+import lanekeep_env
 from lanekeep_env import layout as at
 from lanekeep_env.physics import integrate, numeric, powertrain, single_track, steering, tyres
 from lanekeep_env.physics.numeric import like
 from lanekeep_env.sensing import camera, measure
 from lanekeep_env.tasks import driving, lane_keeping, wall_driving
 
-IDS = [name for name in gym.registry if name.startswith("lanekeep/")]
+IDS = list(lanekeep_env.ENVIRONMENTS)
 
 
 def drive(name):

@@ -26,7 +26,7 @@ def test_hiding_the_edge_leaves_the_curve_as_it_is(seed, closed, count):
     begin[:1] += rng.choice([0.0, 1e-9, -3e-7, 5e-6], 1)[: len(begin)]
     stretches = np.column_stack([begin, begin + rng.uniform(0.0, 12.0, count)])
     hidden = road.without_marking(stretches)
-    assert hidden.length == road.length and (hidden.lengths > 0).all()
+    assert abs(hidden.length - road.length) <= 4 * np.spacing(road.length) and (hidden.lengths > 0).all()
     assert set(road.stations) <= {float(road.stations[np.abs(road.stations - s).argmin()]) for s in hidden.stations}
     s = np.linspace(0.0, (2.0 if closed else 1.1) * road.length, 501)[:-1]
     np.testing.assert_allclose(hidden.position(s, 0.7), road.position(s, 0.7), atol=1e-10)
