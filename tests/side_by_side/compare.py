@@ -53,7 +53,8 @@ def ulps(old: np.ndarray, new: np.ndarray) -> np.ndarray:
 def _by_column(values: np.ndarray, columns: int) -> np.ndarray:
     """Largest entry by row and column; what no column owns belongs to all."""
     own = values.ndim > 1 and values.shape[1] == columns
-    flat = values.reshape(len(values), columns if own else 1, -1)
+    parts = columns if own else 1
+    flat = values.reshape(len(values), parts, values[:1].size // parts if len(values) else 0)
     return np.broadcast_to(flat.max(axis=2, initial=0.0), (len(values), columns))
 
 
