@@ -60,8 +60,9 @@ def preferred(env_id: str, **keywords: Any) -> str:
 
 
 def place_of(env_id: str) -> str:
-    """Return the keyword that says where an environment's car drives: "road" or "world"."""
-    return "road" if hasattr(gym.make(env_id).unwrapped.scenario, "road") else "world"  # type: ignore[attr-defined]
+    """Return the keyword that says where an environment's car drives: "road" or "world", "" where none does."""
+    scenario = gym.make(env_id).unwrapped.scenario  # type: ignore[attr-defined]
+    return next((place for place in ("road", "world") if hasattr(scenario, place)), "")
 
 
 def make(env_id: str, render_mode: str | None, **keywords: Any) -> gym.Env:
