@@ -72,7 +72,7 @@ def play_command(
             file.parent.mkdir(parents=True, exist_ok=True)
             playing.write_gif(file, film.frames, driven.seconds)
     failed, kept = _ENDS.get(playing.place_of(drive.env_id), ("failed", "did not fail"))
-    end = failed if driven.departed else kept
+    end = driven.mishap or (failed if driven.departed else kept)
     if driven.lap_time > 0.0:
         end += f", lap time {driven.lap_time:.2f} s"
     print(
