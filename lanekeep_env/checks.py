@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import reprlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, fields
 from numbers import Real
@@ -111,13 +111,18 @@ def choose(name: str, value: Any, allowed: Iterable[str]) -> None:
         raise ValueError(f"{name}={shown(value)} is unknown{nearest(value, allowed)}; allowed: {', '.join(allowed)}")
 
 
+def known(name: str, given: Iterable[Any], allowed: Sequence[str], kind: str = "field") -> None:
+    """Raise ValueError for the first of the ``given`` keys that is not allowed, with the nearest that is."""
+    for key in given:
+        if key not in allowed:
+            raise ValueError(f"{name} has no {kind} {shown(key)}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
+
+
 def from_mapping(record: type[T], mapping: Mapping[str, Any], name: str) -> T:
     """Build the frozen dataclass ``record``; an unknown key (with the nearest field) or a missing one is an error."""
     wanted = [f for f in fields(record) if f.init]  # type: ignore[arg-type]
     allowed = [f.name for f in wanted]
-    for key in mapping:
-        if key not in allowed:
-            raise ValueError(f"{name} has no field {shown(key)}{nearest(key, allowed)}; allowed: {', '.join(allowed)}")
+    known(name, mapping, allowed)
     for f in wanted:
         if f.name not in mapping and f.default is MISSING and f.default_factory is MISSING:
             raise ValueError(f"{name} lacks the field {f.name!r}; it has {', '.join(allowed)}")

@@ -85,8 +85,6 @@ def car_of(scenario: Any, speed: float, channels: tuple[str, ...]) -> System:
 def policy_of(policy: Any, scenario: Any, speed: float) -> tuple[System, tuple[str, ...]]:
     """Return a policy as a linear system around straight driving at ``speed``, and the channels that it reads.
 
-    ``policy`` is any object with ``predict``.
-
     Input is what the channels show, output the road-wheel angle that the actuator is told, rad + left. The last of its
     states is its own last command: what the channel ``steering_command`` shows, and where a rate goes on from.
 

@@ -63,11 +63,16 @@ class Margins:
     sensitivity: float
 
 
+def check_speed(speed: float) -> None:
+    """Raise ValueError for a speed (m/s) at which there is no linear car."""
+    require("speed", speed, "m/s", at_least=SLOWEST, at_most=LARGEST_SPEED)
+
+
 def margins(policy: Any, scenario: Any, speed: float) -> Margins:
     """Return the margins of a policy on the nominal car of ``scenario`` around straight driving.
 
     Args:
-        policy: any object with ``predict``, classical, learned or your own.
+        policy: any object with ``predict(observation, state, episode_start)``, classical, learned or your own.
         scenario: of `LaneKeep-v0`, or of another id whose channels straight driving decides; its ``sensors`` and its
             steering are part of the loop.
         speed: m/s.
@@ -75,7 +80,7 @@ def margins(policy: Any, scenario: Any, speed: float) -> Margins:
     Raises:
         ValueError: a speed below 1 or above 100 m/s, or a loop that cannot be linearised there (see `linearised`).
     """
-    require("speed", speed, "m/s", at_least=SLOWEST, at_most=LARGEST_SPEED)
+    check_speed(speed)
     loop = Loop.of(policy, scenario, speed)
     grid = np.geomspace(_LOWEST, math.pi / loop.step, _POINTS)
     curve, seen = loop.at(grid), loop.camera_at(grid)

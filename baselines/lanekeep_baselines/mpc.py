@@ -41,7 +41,7 @@ class MpcPreview(LqPreview):
     def __init__(self, scenario: LimitedScenario, weights: Weights | None = None) -> None:
         super().__init__(scenario, weights)
         steering, self._step = scenario.vehicle.steering, scenario.control_step
-        rate = math.inf if steering.rate_limit is None else steering.rate_limit
+        self._fastest = rate = math.inf if steering.rate_limit is None else steering.rate_limit
         if scenario.action == "steering_rate":
             rate = min(rate, scenario.max_steering_rate)
         angle = min(scenario.max_steering_angle, steering.angle_limit or math.inf)
@@ -73,7 +73,7 @@ class MpcPreview(LqPreview):
         The program's actuator has a lag and no limit within the step. The true one goes no faster than it can before it
         lags, and would fall a little short.
         """
-        rate, lag = self._limits.rate, self._lag
+        rate, lag = self._fastest, self._lag
         if not (math.isfinite(rate) and lag > 0.0 and self._on_the_way == 0 and abs(command - angle) > rate * lag):
             return command
         from scipy.optimize import brentq

@@ -7,6 +7,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import gymnasium as gym
 import typer
@@ -22,6 +23,18 @@ def one_line(text: object) -> str:
 def short(text: str, most: int = 1500) -> str:
     """Text cut in its middle where it is long: it may repeat a path or an option, however long that is."""
     return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"
+
+
+def check_picture(out: Path | None, overwrite: bool) -> None:
+    """Raise ValueError where ``--out`` cannot become a picture, before anything is computed for it."""
+    if out is None:
+        return
+    if out.suffix.lower() != ".png":
+        raise ValueError(f"--out {out} must end in .png")
+    if not out.parent.is_dir():
+        raise ValueError(f"--out {out}: there is no folder {out.parent}")
+    if out.exists() and not overwrite:
+        raise ValueError(f"{out} exists; give another --out or --overwrite")
 
 
 @contextmanager

@@ -13,9 +13,9 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from lanekeep_baselines.margins import Margins, margins
+from lanekeep_baselines.margins import Margins, check_speed, margins
 from lanekeep_benchmarks.console import console, progress
-from lanekeep_benchmarks.endings import input_errors, interruptible
+from lanekeep_benchmarks.endings import check_picture, input_errors, interruptible
 from lanekeep_benchmarks.policies import default_policies, entry_of
 from lanekeep_env.files import write_atomic
 from lanekeep_env.physics.parameters import vehicle_from
@@ -64,11 +64,11 @@ def margins_command(
     Example: lanekeep margins my_controller.py:make --vehicle my_car.yaml --delay 0.05
     """
     with interruptible(""), input_errors():
-        if out is not None and out.suffix.lower() != ".png":
-            raise ValueError(f"--out {out} must end in .png")
-        if out is not None and out.exists() and not overwrite:
-            raise ValueError(f"{out} exists; give another --out or --overwrite")
-        rows = tabulated(_listed(policies), _listed(vehicle), _numbers(speeds), delay, kinematic)
+        check_picture(out, overwrite)
+        cars = _listed(vehicle)
+        if not cars:
+            raise ValueError(f"--vehicle {vehicle!r} is not allowed: it must be names or files of cars")
+        rows = tabulated(_listed(policies), cars, _numbers(speeds), delay, kinematic)
         if out is not None:
             from lanekeep_benchmarks.margins_plot import plot_margins
 
@@ -93,6 +93,8 @@ def tabulated(
     Raises:
         ValueError: an unknown policy or car, one that does not keep lanes, a speed that is not allowed.
     """
+    for speed in speeds:
+        check_speed(speed)
     cars = [(name, _scenario(name, delay, kinematic)) for name in vehicles]
     named = list(policies) or default_policies([scenario for _, scenario in cars])
     entries = [entry_of(name) for name in named]
@@ -107,18 +109,14 @@ def tabulated(
                 try:
                     rows.append(Row(entry.name, name, speed, margins(policy, scenario, speed)))
                 except ValueError as error:
-                    if str(error).startswith("speed"):
-                        raise
                     rows.append(Row(entry.name, name, speed, None, str(error)))
             bar.advance(task)
     return rows
 
 
 def _scenario(vehicle: str, delay: float, kinematic: bool) -> LaneKeepScenario:
-    car = vehicle_from(vehicle)
-    keywords: dict[str, Any] = {"dynamics": "kinematic"} if kinematic else {}
-    changes: Any = {"base": vehicle, "steering": {"delay": delay}} if delay else car
-    return LaneKeepScenario(vehicle=changes, preview=PREVIEW, **keywords)
+    car = vehicle_from({"base": vehicle, "steering": {"delay": delay}} if delay else vehicle)
+    return LaneKeepScenario(vehicle=car, preview=PREVIEW, dynamics="kinematic" if kinematic else "dynamic")
 
 
 def _listed(text: str | None) -> list[str]:
@@ -147,7 +145,7 @@ def _print(rows: Sequence[Row]) -> None:
     for car in dict.fromkeys(row.vehicle for row in rows):
         table = Table(title=Text(f"Margins of {car} around straight driving"), title_justify="left")
         table.add_column("policy", overflow="fold")
-        for name in ("m/s", "damping", "GM", "PM °", "delay ms", "camera ms", "Ms"):
+        for name in ("m/s", "damping", "GM", "PM\n°", "delay\nms", "camera\nms", "Ms"):
             table.add_column(name, justify="right")
         before = ""
         for row in (row for row in rows if row.vehicle == car):

@@ -159,7 +159,7 @@ class Checked:
     """
 
     def __init__(self, name: str, factory: Callable[[Any], Any], scenario: Any) -> None:
-        self._name = name
+        self.name = name
         self._actions = getattr(scenario, "num_actions", 1)
         try:
             self._policy = factory(scenario)
@@ -179,17 +179,17 @@ class Checked:
             action, state = self._policy.predict(observation, state, episode_start, deterministic)
             action = np.asarray(action, dtype=np.float32)
         except Exception as error:
-            raise _failed(self._name, error) from error
+            raise _failed(self.name, error) from error
         wanted = (*np.shape(observation)[:-1], self._actions)
         if action.shape != wanted:
             raise OwnCodeError(
-                f"policy {shown(self._name)}: its actions have the shape {action.shape}, allowed is {wanted}, "
+                f"policy {shown(self.name)}: its actions have the shape {action.shape}, allowed is {wanted}, "
                 f"{self._actions} number(s) a row of the observations"
             )
         if not np.isfinite(action).all():
             row = int(np.argmin(np.isfinite(action).all(axis=-1)))
             raise OwnCodeError(
-                f"policy {shown(self._name)}: the action of row {row} is {action[row] if wanted[:-1] else action}, "
+                f"policy {shown(self.name)}: the action of row {row} is {action[row] if wanted[:-1] else action}, "
                 f"for the observation {shown(np.asarray(observation)[row] if wanted[:-1] else observation)}"
             )
         return action, state

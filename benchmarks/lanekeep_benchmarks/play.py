@@ -30,7 +30,8 @@ LONGEST = 3600.0
 
 @dataclass(frozen=True)
 class Episode:
-    """What became of a played episode: steps, seconds, RMS and peak lateral error (m), whether it left the lane."""
+    """What became of a played episode: steps, seconds, RMS and peak lateral error (m), whether it failed, and what
+    happened among others on the road."""
 
     steps: int
     seconds: float
@@ -38,10 +39,15 @@ class Episode:
     peak_lateral_error: float
     departed: bool
     lap_time: float = 0.0
+    mishap: str = ""
 
+
+#: What happens among others on the road, by its entry in ``info``.
+_MISHAPS = {"contact": "met another car", "overrun": "passed where it had to stop"}
 
 #: What drives an environment unless told otherwise: the first of these that can.
 PREFERRED = (
+    "werling-traffic",
     "werling-drive",
     "werling-reverse-ahead",
     "yin-lqr-feedforward",
@@ -60,8 +66,9 @@ def preferred(env_id: str, **keywords: Any) -> str:
 
 
 def place_of(env_id: str) -> str:
-    """Return the keyword that says where an environment's car drives: "road" or "world"."""
-    return "road" if hasattr(gym.make(env_id).unwrapped.scenario, "road") else "world"  # type: ignore[attr-defined]
+    """Return the keyword that says where an environment's car drives: "road" or "world", "" where none does."""
+    scenario = gym.make(env_id).unwrapped.scenario  # type: ignore[attr-defined]
+    return next((place for place in ("road", "world") if hasattr(scenario, place)), "")
 
 
 def make(env_id: str, render_mode: str | None, **keywords: Any) -> gym.Env:
@@ -132,7 +139,7 @@ def play(drive: Drive, seconds: float | None, see: Callable[[np.ndarray], None] 
         driver = drive.policy.make(drive.told(scenario))
         observation, _ = env.reset(seed=drive.seed, options=dict(drive.options) or None)
         errors: list[float] = []
-        state, departed, over = None, False, False
+        state, departed, over, mishap = None, False, False, ""
         limit = (drive.seconds if seconds is None else seconds) / scenario.control_step
         while len(errors) < limit and not over:
             action, state = driver.predict(observation, state)
@@ -140,6 +147,7 @@ def play(drive: Drive, seconds: float | None, see: Callable[[np.ndarray], None] 
             over = terminated or truncated
             errors.append(info["lateral_error"])
             departed = departed or info["cost"] > 0.0
+            mishap = mishap or next((told for name, told in _MISHAPS.items() if info.get(name, 0.0) > 0.0), "")
             if see is not None:
                 see(env.render())  # type: ignore[arg-type]
     finally:
@@ -152,6 +160,7 @@ def play(drive: Drive, seconds: float | None, see: Callable[[np.ndarray], None] 
         float(np.abs(size).max()),
         departed,
         info.get("lap_time", 0.0),
+        mishap,
     )
 
 

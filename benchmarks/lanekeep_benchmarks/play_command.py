@@ -17,6 +17,9 @@ from lanekeep_env.walls import world_from
 
 POLICY = "Name of a policy, a learned one's .json file, or your own code: module:factory, file.py:factory"
 
+#: How an episode ends that failed, and one that did not, by `play.place_of`.
+_ENDS = {"road": ("left its lane", "stayed in its lane"), "world": ("touched a wall", "touched none")}
+
 
 def play_command(
     env_id: Annotated[str, typer.Argument(metavar="ENV", help="A registered id.")] = "lanekeep/LaneKeep-v0",
@@ -68,9 +71,8 @@ def play_command(
         if not human:
             file.parent.mkdir(parents=True, exist_ok=True)
             playing.write_gif(file, film.frames, driven.seconds)
-    on_road = playing.place_of(drive.env_id) == "road"
-    left, kept = ("left its lane", "stayed in its lane") if on_road else ("touched a wall", "touched none")
-    end = left if driven.departed else kept
+    failed, kept = _ENDS.get(playing.place_of(drive.env_id), ("failed", "did not fail"))
+    end = driven.mishap or (failed if driven.departed else kept)
     if driven.lap_time > 0.0:
         end += f", lap time {driven.lap_time:.2f} s"
     print(

@@ -20,6 +20,8 @@ WIDTH, HEIGHT = 800, 460
 SCALE = 2
 #: Distance of the dots along the middle of a lane, m.
 _DOTS = 2.0
+#: Length of the dashes between two lanes and of the gaps between those, m.
+_DASH = 4.0
 VIEW_HEIGHT = 300
 #: Share of the view that is ahead of the car.
 SHARE_AHEAD = 0.78
@@ -119,6 +121,7 @@ class RoadPicture:
         )
         left, right = (pose.road.position(s, edge) for edge in reversed(self._scenario.edges))
         pg.draw.polygon(sheet, _ASPHALT, screen(np.vstack([left, right[::-1]])))
+        middles = np.arange(0.0, self._scenario.edges[1], self._scenario.lane_width)
         marked = pose.road.is_marked(s)
         runs = np.split(np.arange(len(s)), np.flatnonzero(np.diff(marked)) + 1)
         for side in (left, right):
@@ -126,9 +129,13 @@ class RoadPicture:
             for run in runs:
                 if marked[run[0]] and len(run) > 1:
                     pg.draw.lines(sheet, _EDGE, False, edge[run[0] : run[-1] + 1], 3 * SCALE)
+        for dash in np.arange(math.ceil(s[0] / (2 * _DASH)) * 2 * _DASH, s[-1], 2 * _DASH):
+            for mark in np.arange(0.5, len(middles) - 1) * self._scenario.lane_width:
+                ends = pose.road.position(np.array([dash, dash + _DASH]), mark)
+                pg.draw.line(sheet, _EDGE, *screen(ends), 2 * SCALE)
         # Dots, not dashes: it is the middle of a lane, and nobody's mark between two of them.
         dots = np.arange(math.ceil(s[0] / _DOTS) * _DOTS, s[-1], _DOTS)
-        for middle in np.arange(0.0, self._scenario.edges[1], self._scenario.lane_width):
+        for middle in middles:
             for dot in screen(pose.road.position(dots, middle)):
                 pg.draw.circle(sheet, _CENTRE, dot, SCALE)
         if len(self._driven) > 1:

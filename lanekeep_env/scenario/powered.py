@@ -26,7 +26,7 @@ def bounds_from(name: str, unit: str, least: float, most: float, value: Any) -> 
     """Read bounds (low, high) or one number for both, from ``least`` to ``most``."""
     low, high = value if isinstance(value, tuple | list) and len(value) == 2 else (value, value)
     for bound in (low, high):
-        require(name, bound, unit, at_least=least, at_most=most)
+        require(name, bound, f"{unit}, or two, (low, high)", at_least=least, at_most=most)
     if high < low:
         raise ValueError(f"{name}={shown(value)} is not allowed: the bounds must be (low, high) with low <= high")
     return float(low), float(high)

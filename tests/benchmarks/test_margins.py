@@ -26,6 +26,13 @@ def told(capsys, *arguments):
     return json.loads(capsys.readouterr().out)
 
 
+def test_what_cannot_be_linearised_is_said_by_its_name(tmp_path, capsys):
+    own = tmp_path / "bang.py"
+    own.write_text(OWN.replace("return ((", "return np.sign(("))
+    (row,) = told(capsys, f"{own}:Law", "--speeds", "10")
+    assert "stable" not in row and f"policy '{own}:Law' is not smooth" in row["why"]
+
+
 def test_table_json_and_picture(tmp_path, capsys, monkeypatch):
     picture, own = tmp_path / "margins.png", tmp_path / "law.py"
     own.write_text(OWN)
@@ -58,6 +65,8 @@ def test_a_known_delay_takes_from_the_margins_and_an_unstable_loop_says_so(capsy
         (["pd", "--speeds", "fast"], "--speeds 'fast'"),
         (["pd", "--speeds", "0.5"], "speed=0.5"),
         (["pd", "--vehicle", "lorry"], "lorry"),
+        (["pd", "--vehicle", ","], "--vehicle ',' is not allowed"),
+        (["pd", "--out", "no/such/folder/margins.png"], "there is no folder no/such/folder"),
         (["knightriders-pd"], "distance_right"),
         (["nobody"], "unknown"),
         (["pd", "--out", "margins.pdf"], ".png"),

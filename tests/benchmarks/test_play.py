@@ -13,6 +13,34 @@ def run(capsys, *arguments):
     return code, capsys.readouterr()
 
 
+def test_a_failed_episode_of_highway_env_is_played_as_the_benchmark_says(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("highway_env")
+    monkeypatch.delenv("SDL_VIDEODRIVER", raising=False)  # "dummy" makes their viewer draw nothing
+    out, file = tmp_path / "run", tmp_path / "failed.gif"
+    assert cli.run(["bench", "highway", "--policies", "pd", "--episodes", "1", "--out", str(out)]) == 0
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if "lanekeep play" in line)
+    code, said = run(capsys, *line.partition("lanekeep play ")[2].split(), "--gif", str(file))
+    assert code == 0 and "m, and failed; pictures" in said.out
+    with Image.open(file) as picture:
+        assert picture.n_frames > 1 and np.ptp(np.asarray(picture.convert("L"))) > 0
+
+
+def test_what_happens_among_others_is_said(tmp_path, capsys):
+    """Full throttle in one's lane ends at the car ahead; what drives by default changes lanes."""
+    own = tmp_path / "throttle.py"
+    own.write_text(
+        "import numpy as np\nclass Throttle:\n    def __init__(self, scenario): pass\n"
+        "    def predict(self, observation, *_):\n"
+        "        e = np.asarray(observation)[..., :2] @ np.array([-0.04, -0.6])\n"
+        "        return np.stack([e, np.ones_like(e)], axis=-1), None\n"
+    )
+    given = ("Traffic-v0", "--policy", f"{own}:Throttle", "--seconds", "12", "--gif", str(tmp_path / "a.gif"))
+    code, said = run(capsys, *given)
+    assert code == 0 and "m, and met another car; pictures" in said.out
+    code, said = run(capsys, "Traffic-v0", "--seconds", "0.5", "--gif", str(tmp_path / "b.gif"))
+    assert code == 0 and said.out.startswith("werling-traffic drove 0.5 s")
+
+
 def test_a_gif_of_two_seconds(tmp_path, capsys):
     file = tmp_path / "drive.gif"
     code, said = run(capsys, "--seconds", "2", "--policy", "yin-lqr-observer", "--gif", str(file))

@@ -53,6 +53,19 @@ def test_a_car_left_of_the_centre_is_drawn_left_of_it(lateral):
     assert np.ptp(columns) == pytest.approx(4.5 * per_metre, abs=4)
 
 
+@pytest.mark.parametrize("lanes", [1, 2, 3])
+def test_lanes_have_marks_between_them(lanes):
+    """As light as the edges, half a lane's width left of the middle of each lane but the left-most."""
+    env = gym.make("lanekeep/Traffic-v0", render_mode="rgb_array", road="straight", lanes=lanes)
+    env.reset(seed=0, options={"lateral_error": 0.0, "heading_error": 0.0})
+    scenario, frame = env.unwrapped.scenario, env.render()[: road_picture.VIEW_HEIGHT]
+    light = np.flatnonzero((frame > 235).all(axis=2).sum(axis=1) > road_picture.WIDTH / 4)
+    per_metre = road_picture.WIDTH / scenario.view
+    marks = (road_picture.VIEW_HEIGHT / 2 - light) / per_metre / scenario.lane_width
+    lines = {round(float(mark) + 0.5) for mark in marks}
+    assert lines == set(range(lanes + 1))
+
+
 def test_the_bar_is_as_long_as_it_says():
     """20 m in a view of 100 m."""
     env = gym.make("lanekeep/LaneKeep-v0", render_mode="rgb_array", **STRAIGHT)

@@ -13,7 +13,7 @@ from rich.text import Text
 from lanekeep_benchmarks.check import Report, check_map, check_road, check_vehicle, draw_map, draw_road
 from lanekeep_benchmarks.check.report import shown_number
 from lanekeep_benchmarks.console import console
-from lanekeep_benchmarks.endings import input_errors, interruptible
+from lanekeep_benchmarks.endings import check_picture, input_errors, interruptible
 from lanekeep_env.files import write_atomic
 from lanekeep_env.physics.parameters import vehicle_from
 from lanekeep_env.roads import read_road
@@ -51,7 +51,7 @@ def road_check(
     Example: lanekeep road check my_track.csv --out my_track.png
     """
     with interruptible(""), input_errors():
-        _check_out(out, overwrite)
+        check_picture(out, overwrite)
         report = check_road(file, closed, smoothing, track, lane)
         if out is not None:
             write_atomic(out, draw_road(read_road(file, closed, smoothing, track, lane)))
@@ -75,7 +75,7 @@ def map_check(
     Example: lanekeep map check my_map.yaml --out my_map.png
     """
     with interruptible(""), input_errors():
-        _check_out(out, overwrite)
+        check_picture(out, overwrite)
         report, world = check_map(file, MapFile(str(file), x, y, heading, unknown_is_wall, centre_line))
         if out is not None:
             write_atomic(out, draw_map(world))
@@ -93,13 +93,6 @@ def vehicle_check(
     with interruptible(""), input_errors():
         report = check_vehicle(vehicle_from(file))
     _print(report, None, as_json)
-
-
-def _check_out(out: Path | None, overwrite: bool) -> None:
-    if out is not None and out.suffix.lower() != ".png":
-        raise ValueError(f"--out {out} must end in .png")
-    if out is not None and out.exists() and not overwrite:
-        raise ValueError(f"{out} exists; give another --out or --overwrite")
 
 
 def _print(report: Report, out: Path | None, as_json: bool) -> None:

@@ -42,7 +42,7 @@ def theirs(speed: float) -> BicycleVehicle:
 
 def ours(speed: float) -> EgoVehicle:
     """The same car here, with tyres that saturate at a friction of 1."""
-    return EgoVehicle.of(plant_of({"vehicle": asdict(THEIR_CAR)}, None, STEP))(None, [0.0, 0.0], 0.0, speed)
+    return EgoVehicle.of(plant_of({"vehicle": asdict(THEIR_CAR)}, STEP))(None, [0.0, 0.0], 0.0, speed)
 
 
 def driven(car: Any, steering: float, seconds: float) -> dict[str, np.ndarray[Any, np.dtype[np.float64]]]:
@@ -130,7 +130,7 @@ def linear(found: Replication) -> None:
 
 def way(found: Replication) -> None:
     """Their plain car's ``velocity`` points along its axis, and it drives another way."""
-    rolling = EgoVehicle.of(plant_of({"vehicle": asdict(THEIR_CAR), "dynamics": "kinematic"}, None, _SHORT))
+    rolling = EgoVehicle.of(plant_of({"vehicle": asdict(THEIR_CAR), "dynamics": "kinematic"}, _SHORT))
     source = "atan(tan(delta)/2), checked"
     for whose, kind, exact in (("theirs", Vehicle, math.atan(0.5 * math.tan(_WIDE))), ("ours", rolling, 0.0)):
         car = kind(None, [0.0, 0.0], 0.0, 10.0)

@@ -13,13 +13,23 @@ from highway_env.envs.common.action import ContinuousAction
 from lanekeep_env.adapters.highway.axes import turned
 from lanekeep_env.adapters.highway.plant import FreeScenario, Plant
 from lanekeep_env.adapters.highway.vehicle import EgoVehicle
-from lanekeep_env.checks import nearest, shown
+from lanekeep_env.checks import known, shown
 from lanekeep_env.physics.parameters import vehicle_from
 from lanekeep_env.roads import ConstantSpeed, StraightRoad
+from lanekeep_env.scenario.powered import bounds_from
 
 #: What it is called in ``config["action"]["type"]``.
 ACTION = "LanekeepAction"
-_KEYWORDS = ("vehicle", "dynamics", "friction", "longitudinal", "lateral", "acceleration_range", "max_steering_angle")
+_KEYWORDS = (
+    "type",
+    "vehicle",
+    "dynamics",
+    "friction",
+    "longitudinal",
+    "lateral",
+    "acceleration_range",
+    "max_steering_angle",
+)
 
 
 class EgoAction(ContinuousAction):
@@ -42,16 +52,16 @@ class EgoAction(ContinuousAction):
     """
 
     def __init__(self, env: Any, **config: Any) -> None:
-        given = {name: value for name, value in config.items() if name != "type"}
-        for name in given:
-            if name not in _KEYWORDS:
-                raise ValueError(
-                    f"{ACTION} has no keyword {shown(name)}{nearest(name, _KEYWORDS)}; allowed: {', '.join(_KEYWORDS)}"
-                )
-        car = {name: given.pop(name) for name in _KEYWORDS[:3] if name in given}
-        largest = given.pop("max_steering_angle", None)
-        super().__init__(env, **given)
-        self.plant = plant_of(car, largest, 1.0 / env.config["simulation_frequency"])
+        self.plant = plant_of(config, 1.0 / env.config["simulation_frequency"])
+        theirs: dict[str, Any] = {name: config[name] for name in ("longitudinal", "lateral") if name in config}
+        for name, value in theirs.items():
+            if not isinstance(value, bool):
+                raise ValueError(f"{name}={shown(value)} is not allowed: it must be True or False")
+        if "acceleration_range" in config:
+            theirs["acceleration_range"] = bounds_from(
+                "acceleration_range", "m/s²", -100.0, 100.0, config["acceleration_range"]
+            )
+        super().__init__(env, **theirs)
         limit = self.plant.scenario.max_steering_angle
         self.steering_range = (-limit, limit)
 
@@ -66,28 +76,29 @@ class EgoAction(ContinuousAction):
         return _class_of(self.plant)
 
 
-def plant_of(car: Mapping[str, Any], max_steering_angle: float | None, step: float) -> Plant:
-    """Return the plant of a car for a simulation step, s."""
-    vehicle = vehicle_from(car.get("vehicle", "yin"))
-    limit = vehicle.steering.angle_limit or math.inf
-    largest = min(math.pi / 4, limit) if max_steering_angle is None else max_steering_angle
-    return _plant(vehicle, car.get("dynamics", "dynamic"), float(car.get("friction", 1.0)), largest, step)
-
-
-@lru_cache(maxsize=64)
-def _plant(vehicle: Any, dynamics: str, friction: float, max_steering_angle: float, step: float) -> Plant:
-    return Plant(
-        FreeScenario(
-            vehicle=vehicle,
-            dynamics=dynamics,
-            tyre="magic_formula",
-            friction=friction,
-            max_steering_angle=max_steering_angle,
-            control_step=step,
-            road=StraightRoad(),
-            speed=ConstantSpeed(EgoVehicle.MAX_SPEED),
-        )
+def plant_of(config: Mapping[str, Any], step: float) -> Plant:
+    """Return the plant of an action's configuration for a simulation step, s; ValueError as of `EgoAction`."""
+    known(ACTION, config, _KEYWORDS, "keyword")
+    vehicle = vehicle_from(config.get("vehicle", "yin"))
+    largest = config.get("max_steering_angle")
+    if largest is None:
+        largest = min(math.pi / 4, vehicle.steering.angle_limit or math.inf)
+    scenario = FreeScenario(
+        vehicle=vehicle,
+        dynamics=config.get("dynamics", "dynamic"),
+        tyre="magic_formula",
+        friction=config.get("friction", 1.0),
+        max_steering_angle=largest,
+        control_step=step,
+        road=StraightRoad(),
+        speed=ConstantSpeed(EgoVehicle.MAX_SPEED),
     )
+    if scenario.friction != 1.0 and not scenario.model.slips:
+        raise ValueError(f"friction={scenario.friction!r} has no effect with dynamics='kinematic', which has no tyres")
+    return _plant(scenario)
+
+
+_plant = lru_cache(maxsize=64)(Plant)
 
 
 @lru_cache(maxsize=64)

@@ -17,6 +17,7 @@ from lanekeep_env.adapters.highway.axes import turned
 from lanekeep_env.adapters.highway.path import curvatures, foot, lane_of
 from lanekeep_env.adapters.highway.scenario import HighwayScenario
 from lanekeep_env.adapters.highway.vehicle import EgoVehicle
+from lanekeep_env.checks import known
 
 #: What it is called in ``config["observation"]["type"]``.
 OBSERVATION = "LanekeepObservation"
@@ -77,9 +78,7 @@ class EgoObservation(ObservationType):
 
     def __init__(self, env: Any, preview: int = 12, preview_interval: float = 0.1, **others: Any) -> None:
         super().__init__(env)
-        unknown = others.keys() - {"type"}
-        if unknown:
-            raise ValueError(f"{OBSERVATION} has no keyword {min(unknown)!r}; allowed: preview, preview_interval")
+        known(OBSERVATION, others, ("type", "preview", "preview_interval"), "keyword")
         self.scenario = HighwayScenario.of(env, preview=preview, preview_interval=preview_interval)
 
     def space(self) -> Box:

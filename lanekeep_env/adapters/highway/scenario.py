@@ -43,6 +43,12 @@ _LANE_KEEPING = "lane-keeping-v0"
 _READ = ("action", "simulation_frequency", "policy_frequency")
 
 
+def _config_from(value: Any) -> Any:
+    if not isinstance(value, Mapping):
+        raise ValueError(f"config={shown(value)} is not allowed: it must be a mapping of changes to theirs")
+    return json_able(value)
+
+
 @dataclass(frozen=True)
 class HighwayScenario(ScenarioRecord):
     """A task of highway-env's, as it is or with changes of its configuration.
@@ -57,7 +63,7 @@ class HighwayScenario(ScenarioRecord):
         reference_lateral_error, cost_weight, reference_steering_rate: of the cost that controllers weigh errors and
             steering by, as of `lanekeep/LaneKeep-v0`. The reward is theirs.
 
-    The control step is theirs, 1 / policy_frequency.
+    The control step is theirs, 1 / policy_frequency, which has to divide simulation_frequency.
     """
 
     env: str = _LANE_KEEPING
@@ -71,7 +77,7 @@ class HighwayScenario(ScenarioRecord):
     reference_steering_rate: float = 0.1
 
     _needs: ClassVar[tuple[Need, ...]] = (PREVIEW_INTERVAL,)
-    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {"config": lambda value: json_able(value)}
+    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {"config": _config_from}
     #: The action is a road-wheel angle.
     action: ClassVar[str] = "steering_angle"
     max_steering_rate: ClassVar[float] = 0.4
@@ -83,7 +89,16 @@ class HighwayScenario(ScenarioRecord):
         return cls(env=name, config={key: env.config[key] for key in _READ}, **keywords)
 
     def _settle(self) -> None:
-        theirs = 1.0 / self._configured["policy_frequency"]
+        simulated, asked = (self._configured[name] for name in _READ[1:])
+        for name, frequency in zip(_READ[1:], (simulated, asked), strict=True):
+            require(f"config.{name}", frequency, "Hz", above=0.0, at_most=1e4)
+        # Theirs takes the whole number of simulation steps below, and none at all where there is none.
+        if simulated % asked:
+            raise ValueError(
+                f"config.policy_frequency={asked!r} is not allowed with simulation_frequency={simulated!r}: "
+                "it must divide it"
+            )
+        theirs = 1.0 / asked
         if self.control_step not in (ScenarioRecord.control_step, theirs):
             raise ValueError(
                 f"control_step={self.control_step!r} is not allowed: it is theirs, {theirs!r} s; "
@@ -115,13 +130,14 @@ class HighwayScenario(ScenarioRecord):
     def _believed(self) -> LaneKeepScenario:
         """The same car and channels in a task of ours."""
         action, step = self._configured["action"], self._configured["simulation_frequency"]
-        if action["type"] not in (ACTION, "ContinuousAction"):
+        kind = action.get("type") if isinstance(action, Mapping) else action
+        if kind not in (ACTION, "ContinuousAction") or not action.get("lateral", True):
             raise ValueError(
-                f"action type {shown(action['type'])} of {self.env} is not allowed: nothing is steered there; allowed: "
+                f"action type {shown(kind)} of {self.env} is not allowed: nothing is steered there; allowed: "
                 f"config={{'action': {{'type': 'ContinuousAction'}}}}, or {ACTION!r} for our cars"
             )
-        if action["type"] == ACTION:
-            ours = plant_of(action, action.get("max_steering_angle"), 1.0 / step).scenario
+        if kind == ACTION:
+            ours = plant_of(action, 1.0 / step).scenario
             vehicle, dynamics, largest = ours.vehicle, ours.dynamics, ours.max_steering_angle
         else:
             vehicle, dynamics = THEIR_CAR, "dynamic" if action.get("dynamical") else "kinematic"

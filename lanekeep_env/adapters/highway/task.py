@@ -19,6 +19,7 @@ from lanekeep_env.adapters.highway.observation import OBSERVATION, look, row, wr
 from lanekeep_env.adapters.highway.path import LaneChoice
 from lanekeep_env.adapters.highway.scenario import HighwayScenario
 from lanekeep_env.checks import choose
+from lanekeep_env.envs.skin import RENDER_MODES
 
 #: What the infos tell.
 TRUTH = ("lateral_error", "heading_error", "steering_rate", "speed", "cost")
@@ -30,18 +31,28 @@ class HighwayTask(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     The action is the steering angle (and the acceleration, where it asks for one), in [-1, 1], to the left positive;
     the observation the scenario's channels; ``info`` has `TRUTH` (``cost`` is 1 where the episode ended as a failure)
-    and ``is_success``. Reward and termination are theirs. On several lanes their MOBIL says which of them errors and
-    curvatures are of: policies steer.
+    and ``is_success``. Reward, termination and pictures are theirs. On several lanes their MOBIL says which of them
+    errors and curvatures are of: policies steer.
     """
 
-    def __init__(self, scenario: HighwayScenario | None = None, **keywords: Any) -> None:
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 15}  # noqa: RUF012 (as Gymnasium declares it)
+
+    def __init__(
+        self, scenario: HighwayScenario | None = None, *, render_mode: str | None = None, **keywords: Any
+    ) -> None:
         given = keywords if scenario is None else {**keywords, "scenario": scenario}
         self.scenario = scenario = HighwayScenario.from_keywords(**given)
         config = dict(scenario.config)
         if scenario.observation == "exact":  # theirs is not looked at, and an occupancy grid costs more than all else
             config["observation"] = {"type": OBSERVATION, "preview": 0}
+        if render_mode is not None:
+            choose("render_mode", render_mode, RENDER_MODES)
+        self.render_mode = render_mode
+        if render_mode == "human":
+            config["offscreen_rendering"] = False
         made: Any = gym.make(scenario.env, config=config, disable_env_checker=True)
         self._env = made.unwrapped
+        self._env.render_mode = render_mode  # their lane keeping's constructor takes none
         self._lane: LaneChoice | None = None
         low, high = scenario.channel_bounds().T
         self.observation_space = Box(low.copy(), high.copy(), dtype=np.float32)
@@ -82,6 +93,10 @@ class HighwayTask(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if scenario.observation == "theirs":
             seen |= _shown(theirs)
         return row(seen, scenario), info
+
+    def render(self) -> Any:
+        """Return their picture, uint8, (height, width, 3)."""
+        return self._env.render()
 
     def close(self) -> None:
         """Let it go."""

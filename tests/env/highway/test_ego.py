@@ -26,7 +26,7 @@ EGO = {"type": "LanekeepAction", "longitudinal": False}
 
 def ego(speed, step=STEP, **car):
     """A car of ours without a road."""
-    return EgoVehicle.of(plant_of(car, None, step))(None, [0.0, 0.0], 0.0, speed)
+    return EgoVehicle.of(plant_of(car, step))(None, [0.0, 0.0], 0.0, speed)
 
 
 def drive(car, steering, acceleration=0.0, steps=100):
@@ -230,8 +230,14 @@ def test_a_film_shows_our_car(tmp_path, monkeypatch):
         ({"action": {"type": "LanekeepAction", "vehicel": "yin"}}, "did you mean 'vehicle'"),
         ({"action": {"type": "LanekeepAction", "vehicle": "yinn"}}, "did you mean 'yin'"),
         ({"action": {"type": "LanekeepAction", "friction": -1.0}}, "friction=-1.0 is not allowed"),
+        ({"action": {"type": "LanekeepAction", "friction": "wet"}}, "friction='wet' is not allowed"),
+        ({"action": {"type": "LanekeepAction", "friction": 0.5, "dynamics": "kinematic"}}, "has no effect"),
+        ({"action": {"type": "LanekeepAction", "max_steering_angle": [0.3]}}, r"max_steering_angle=\[0.3\]"),
+        ({"action": {"type": "LanekeepAction", "acceleration_range": [3, -3]}}, "low <= high"),
+        ({"action": {"type": "LanekeepAction", "acceleration_range": [1, 2, 3]}}, r"acceleration_range=\[1, 2, 3\]"),
+        ({"action": {"type": "LanekeepAction", "lateral": "no"}}, "lateral='no' is not allowed"),
         ({"observation": {"type": "LanekeepObservation"}}, "nothing is steered"),
-        ({"action": EGO, "observation": {"type": "LanekeepObservation", "previw": 3}}, "has no keyword 'previw'"),
+        ({"action": EGO, "observation": {"type": "LanekeepObservation", "previw": 3}}, "did you mean 'preview'"),
     ),
 )
 def test_what_is_not_allowed_is_told_in_one_line(config, message):

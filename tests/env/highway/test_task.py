@@ -113,12 +113,32 @@ def test_cars_of_a_vector_are_single_ones(mode):
         ({"control_step": 0.07}, "it is theirs, 0.1 s"),
         ({"sensors": "poor"}, "sensors"),
         ({"config": {"action": {"type": "ContinuousAction", "steering_range": [0.0, 1.0]}}}, "must be symmetric"),
+        ({"config": 3}, "config=3 is not allowed"),
+        ({"config": {"action": {}}}, "action type None"),
+        ({"config": {"action": {"type": "ContinuousAction", "lateral": False}}}, "nothing is steered"),
+        ({"config": {"action": {"type": "LanekeepAction", "vehicel": "yin"}}}, "did you mean 'vehicle'"),
+        ({"config": {"policy_frequency": "often"}}, "policy_frequency='often' is not allowed"),
+        ({"config": {"policy_frequency": 7}}, "it must divide it"),
+        ({"config": {"policy_frequency": 30}}, "it must divide it"),
     ),
 )
 def test_what_is_not_allowed_is_told_in_one_line(keywords, message):
     with pytest.raises((ValueError, TypeError), match=message) as caught:
         HighwayScenario.from_keywords(**keywords)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("world", ("lane-keeping-v0", "racetrack-v1"))
+def test_pictures_are_theirs(world, monkeypatch):
+    monkeypatch.delenv("SDL_VIDEODRIVER", raising=False)  # "dummy" makes their viewer draw nothing
+    task = gym.make(TASK, render_mode="rgb_array", env=world)
+    task.reset(seed=0)
+    size = task.unwrapped._env.config["screen_width"], task.unwrapped._env.config["screen_height"]
+    picture = task.render()
+    task.close()
+    assert picture.dtype == np.uint8 and picture.shape == (size[1], size[0], 3) and np.ptp(picture) > 0
+    with pytest.raises(ValueError, match="render_mode='ansi' is unknown"):
+        gym.make(TASK, render_mode="ansi")
 
 
 def test_a_scenario_comes_back_from_json():
