@@ -80,7 +80,8 @@ def open_output() -> Iterator[None]:
         yield
         sys.stdout.flush()
     except (OSError, SystemExit) as error:
-        closed = isinstance(error, BrokenPipeError) or isinstance(error.__context__, BrokenPipeError)  # rich: SystemExit
+        # rich makes a SystemExit of a closed pipe.
+        closed = isinstance(error, BrokenPipeError) or isinstance(error.__context__, BrokenPipeError)
         if not closed and (isinstance(error, SystemExit) or error.filename is not None):
             raise
         why = "what reads the output was closed before its end"
