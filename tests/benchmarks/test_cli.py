@@ -281,6 +281,10 @@ def test_results_as_csv(finished, tmp_path, capsys):
     assert main(["export", str(folder), "--out", str(tmp_path / "csv")]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "--overwrite" in error
+    (tmp_path / "file").write_text("kept")
+    assert main(["export", str(folder), "--out", str(tmp_path / "file")]) == 2
+    assert "file is a file; allowed: a folder" in capsys.readouterr().err
+    assert (tmp_path / "file").read_text() == "kept"
 
 
 def test_missing_typer_names_the_extra(tmp_path):
