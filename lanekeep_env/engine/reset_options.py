@@ -31,7 +31,7 @@ WALL_STARTS = {
 }
 
 #: How far from the lane's centre, or the middle, an episode may start.
-_FARTHEST = {"lateral_error": (20.0, "m"), "heading_error": (np.pi, "rad")}
+_FARTHEST = {"lateral_error": (20.0, "20 m"), "heading_error": (np.pi, "pi rad")}
 
 
 def page_section(starts: Mapping[str, str]) -> str:
@@ -98,11 +98,10 @@ def start_rows(fixed: Mapping[str, Any], starts: tuple[str, ...], cars: int) -> 
             ) from None
         if not np.isfinite(start[row]).all():
             raise ValueError(f"reset option {key}={shown(value)} must be finite; leave it out to have it drawn")
-        largest, unit = _FARTHEST.get(key, (np.inf, ""))
+        largest, told = _FARTHEST.get(key, (np.inf, ""))
         if np.abs(start[row]).max() > largest:
             raise ValueError(
-                f"reset option {key}={shown(value)} is not allowed: it must be within {largest:.4g} {unit} to either "
-                "side"
+                f"reset option {key}={shown(value)} is not allowed: it must be within {told} to either side"
             )
     return start
 

@@ -140,7 +140,7 @@ def test_a_state_keeps_the_bounds():
         ({"mass": (0.9, 1.0, 1.1)}, ["mass=(0.9, 1.0, 1.1)", "(low, high) or one number"]),
         ({"mass": None}, ["mass=None", "(low, high) or one number"]),
         ({"lateral_error": -20.5}, ["lateral_error=-20.5", "within 20 m"]),
-        ({"heading_error": 4}, ["heading_error=4", "within 3.142 rad"]),
+        ({"heading_error": 4}, ["heading_error=4", "within pi rad"]),
         ({"lateral_error": "1"}, ["lateral_error='1'", "must be a number"]),
         ({"road": True}, ["road_index=True", "must be a number"]),
         ({"road": 1}, ["road_index=1 ", "from 0 to 0"]),
