@@ -64,7 +64,7 @@ class Randomisation:
             low, high = value if isinstance(value, tuple | list) and len(value) == 2 else (value, value)
             name, unit, limits = f"randomisation.{f.name}", f.metadata["unit"], f.metadata["limits"]
             if not isinstance(low, Real) or not isinstance(high, Real):
-                raise ValueError(f"{name}={shown(value)} is not allowed: it must be (low, high) or one number, {unit}")
+                raise ValueError(f"{name}={shown(value)} is not allowed: it must be (low, high) or one number {unit}")
             require(name, low, unit, **limits)
             require(name, high, unit, **limits)
             if high < low:
