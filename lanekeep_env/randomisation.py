@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from numbers import Real
 from typing import Any
 
 from lanekeep_env.checks import record_from, require, shown
@@ -62,6 +63,8 @@ class Randomisation:
             value = getattr(self, f.name)
             low, high = value if isinstance(value, tuple | list) and len(value) == 2 else (value, value)
             name, unit, limits = f"randomisation.{f.name}", f.metadata["unit"], f.metadata["limits"]
+            if not isinstance(low, Real) or not isinstance(high, Real):
+                raise ValueError(f"{name}={shown(value)} is not allowed: it must be (low, high) or one number {unit}")
             require(name, low, unit, **limits)
             require(name, high, unit, **limits)
             if high < low:

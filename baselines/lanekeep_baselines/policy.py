@@ -162,7 +162,12 @@ class SteeringPolicy(Declared):
                 f"{type(self).__name__}.command returned {type(told).__name__}; it must return two things, the "
                 "commands (n,) and the next memory, None without one"
             )
-        command, following = told
+        command, following = np.asarray(told[0]), told[1]
+        if command.shape[:1] != (n,):
+            raise TypeError(
+                f"{type(self).__name__}.command returned commands of the shape {command.shape}; allowed is ({n},), one "
+                "a car"
+            )
         action = self._action(command, at).astype(np.float32)
         if single:
             return action[0], None if following is None else following[0]

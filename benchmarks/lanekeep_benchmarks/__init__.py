@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lanekeep_benchmarks.reading import read
+from lanekeep_env.checks import shown
 
 if TYPE_CHECKING:
     from lanekeep_benchmarks.engines import Engine
@@ -67,6 +68,8 @@ def benchmark(
     from lanekeep_benchmarks.reporting import write_report
     from lanekeep_benchmarks.runs import Options, drive, open_run
 
+    if policies is not None and (isinstance(policies, str) or not isinstance(policies, Sequence)):
+        raise ValueError(f"policies={shown(policies)} is not allowed: it must be a list, e.g. ['stanley', 'pd']")
     options = Options(
         suite=suite,
         policies=None if policies is None else tuple(policies),

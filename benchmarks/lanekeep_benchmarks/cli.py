@@ -84,8 +84,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
             code = app(args=arguments, prog_name="lanekeep", standalone_mode=False)
     except Interrupted as interrupted:
         code, advice = 130, str(interrupted)
-    except ClosedOutput:
-        print("lanekeep: what reads the output was closed before its end", file=sys.stderr)
+    except ClosedOutput as closed:
+        print(f"lanekeep: {closed}", file=sys.stderr)
         return 1
     except typer.Abort:
         code = 130

@@ -16,7 +16,9 @@ from lanekeep_benchmarks.own_code import OwnCodeError
 
 
 def one_line(text: object) -> str:
-    """Text without line ends."""
+    """Text without line ends; of an error of the system what failed and why, without its number."""
+    if isinstance(text, OSError) and text.filename is not None and text.strerror is not None:
+        text = f"{text.filename}: {text.strerror}"
     return " ".join(str(text).split())
 
 
@@ -80,21 +82,27 @@ def plain_warnings() -> Iterator[None]:
 
 
 class ClosedOutput(Exception):
-    """Nobody reads what is printed any more."""
+    """What is printed reaches nobody; the text says why."""
 
 
 @contextmanager
 def open_output() -> Iterator[None]:
-    """Raise `ClosedOutput` where stdout is a pipe whose reader has gone, so that nothing fails when Python ends."""
+    """Raise `ClosedOutput` where stdout is a pipe whose reader has gone, or a file on a full disk, so that nothing
+    fails when Python ends."""
     try:
         yield
         sys.stdout.flush()
-    except (BrokenPipeError, SystemExit) as error:  # rich makes the one the other
-        if isinstance(error, SystemExit) and not isinstance(error.__context__, BrokenPipeError):
+    except (OSError, SystemExit) as error:
+        # rich makes a SystemExit of a closed pipe.
+        closed = isinstance(error, BrokenPipeError) or isinstance(error.__context__, BrokenPipeError)
+        if not closed and (isinstance(error, SystemExit) or error.filename is not None):
             raise
+        why = "what reads the output was closed before its end"
+        if not closed and isinstance(error, OSError):
+            why = f"the output cannot be written: {error.strerror or error}"
         with suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise ClosedOutput from error
+        raise ClosedOutput(why) from error
 
 
 class Interrupted(Exception):

@@ -25,6 +25,8 @@ def export(
     with interruptible(""), input_errors():
         found = read(folder)
         there = folder if out is None else out
+        if there.exists() and not there.is_dir():
+            raise ValueError(f"--out {there} is a file; allowed: a folder, which is made if it is missing")
         tables = {there / "results.csv": found.results}
         if len(found.steps):
             tables[there / "steps.csv"] = found.steps

@@ -11,7 +11,7 @@ import typer
 import lanekeep_env
 from lanekeep_benchmarks.endings import input_errors, interruptible
 from lanekeep_benchmarks.policies import FILE, Entry, entry_of
-from lanekeep_env.checks import choose
+from lanekeep_env.checks import choose, shown
 from lanekeep_env.roads import road_from
 from lanekeep_env.walls import world_from
 
@@ -22,13 +22,15 @@ _ENDS = {"road": ("left its lane", "stayed in its lane"), "world": ("touched a w
 
 
 def play_command(
-    env_id: Annotated[str, typer.Argument(metavar="ENV", help="A registered id.")] = "lanekeep/LaneKeep-v0",
+    env_id: Annotated[
+        str | None, typer.Argument(metavar="ENV", help="A registered id; default: lanekeep/LaneKeep-v0.")
+    ] = None,
     policy: Annotated[str | None, typer.Option(help=f"{POLICY}; default: one that suits ENV.")] = None,
     gif: Annotated[Path | None, typer.Option(help="File for the pictures; by default one in results/.")] = None,
     human: Annotated[bool, typer.Option("--human", help="Show a window instead of writing a GIF.")] = False,
     road: Annotated[str | None, typer.Option(help="Name of a road or a CSV file.")] = None,
     world: Annotated[str | None, typer.Option(help="Name of a walled world or a map's YAML file.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the episode.")] = 0,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the episode; default: 0.")] = None,
     seconds: Annotated[float | None, typer.Option(help="Length at the most; default: 15.")] = None,
     run: Annotated[Path | None, typer.Option(help="Results folder, of which one episode is driven again.")] = None,
     episode: Annotated[int | None, typer.Option(min=0, help="Its number in the run.")] = None,
@@ -52,13 +54,17 @@ def play_command(
         if (run is None) != (episode is None):
             raise ValueError("--run and --episode go together: a results folder, and the number of an episode in it")
         if run is not None and episode is not None:
-            if road is not None or world is not None:
-                raise ValueError("--run drives the roads and worlds of that run; leave --road and --world out")
+            fresh = {"ENV": env_id, "--road": road, "--world": world, "--seed": seed}
+            if idle := [name for name, given in fresh.items() if given is not None]:
+                raise ValueError(f"--run drives an episode of that run as it was; leave {' and '.join(idle)} out")
             found = find_line(run, episode, scenario, policy)
             drive = playing.Drive.of_line(found)
             name = f"{found.line.scenario}-{_in_a_path(found.policy.name)}-episode{episode}"
         else:
-            drive = _fresh(env_id, policy, road, world, seed)
+            if scenario is not None:
+                raise ValueError(f"--scenario {shown(scenario)} has no effect without --run")
+            seed = seed or 0
+            drive = _fresh(env_id or "LaneKeep-v0", policy, road, world, seed)
             place = "".join(f"-{Path(given).stem}" for given in (road, world) if given is not None)
             name = f"{drive.env_id.rpartition('/')[2]}{place}-{_in_a_path(drive.policy.name)}-seed{seed}"
         file = gif or Path("results") / f"{name}.gif"

@@ -12,7 +12,7 @@ from lanekeep_benchmarks.made import make_definitions
 from lanekeep_benchmarks.own_code import is_code
 from lanekeep_benchmarks.policies import FILE, Entry, entry_of, known_policies
 from lanekeep_benchmarks.results import EPISODES, LARGEST_LINES, read_lines
-from lanekeep_benchmarks.run_record import RUN, RunRecord
+from lanekeep_benchmarks.run_record import RUN, AnotherRun, RunRecord
 from lanekeep_benchmarks.suites import SuiteScenario, find_suite, road_suite
 from lanekeep_env.checks import choose, shown, shown_path
 from lanekeep_env.files import read_bounded
@@ -49,7 +49,12 @@ def find_line(folder: Path, episode: int, scenario: str | None, policy: str | No
     Raises:
         ValueError, OSError: there is no such line, or the run was made by another version or with other files.
     """
-    record = RunRecord.read(folder)
+    try:
+        record = RunRecord.read(folder)
+    except AnotherRun as other:
+        raise ValueError(
+            f"--run {shown_path(folder)} cannot be driven again as it was: {other.differences}; {other.advice}"
+        ) from None
     if record is None:
         raise ValueError(f"--run {shown_path(folder)} holds no run: {RUN} is missing")
     suite = (

@@ -16,7 +16,7 @@ from types import TracebackType
 
 from lanekeep_benchmarks.evaluate import Driven
 from lanekeep_benchmarks.lines import EpisodeResult
-from lanekeep_benchmarks.run_record import ANEW, RUN, RunRecord, another_run, told
+from lanekeep_benchmarks.run_record import ANEW, RUN, AnotherRun, RunRecord, told
 from lanekeep_benchmarks.traces import FOLDER
 from lanekeep_env.files import locked, open_to_append, read_bounded, require_ordinary, write_atomic
 
@@ -158,7 +158,7 @@ class ResultFolder:
         # A controller that failed before its first line may have been mended since.
         mended = {name.removeprefix(_HASH) for name, _, _ in differences if name.startswith(_HASH)}
         if len(mended) < len(differences):
-            raise another_run(self.path, differences)
+            raise AnotherRun(self.path, differences)
         places = set()
         try:
             for number, line in read_lines(content):
@@ -171,7 +171,7 @@ class ResultFolder:
         except ValueError as error:
             raise ValueError(f"{file} {error}; {ANEW}") from None
         if mended & {line.policy for line in self.earlier}:
-            raise another_run(self.path, differences)
+            raise AnotherRun(self.path, differences)
         self.torn = len(content) > whole
         return whole
 

@@ -113,7 +113,7 @@ class RunRecord:
         except (TypeError, ValueError) as error:
             raise ValueError(f"{file} is not the record of a run ({error}); {ANEW}") from None
         if record is None:
-            raise another_run(folder, foreign[:1])
+            raise AnotherRun(folder, foreign[:1])
         return record
 
     def _check(self) -> None:
@@ -184,9 +184,12 @@ def told(differences: Sequence[Difference]) -> str:
     return first + (f"; and {len(differences) - _TOLD} more" if len(differences) > _TOLD else "")
 
 
-def another_run(folder: Path, differences: Sequence[Difference]) -> ValueError:
-    """The error that refuses a folder: each field, found value and wanted value, and what to do."""
-    advice = dict.fromkeys(_ADVICE[name.split()[0]] for name, _, _ in differences)
-    return ValueError(
-        f"--out {folder} holds another run: {told(differences)}; to complete that one, {', '.join(advice)}; or {ANEW}"
-    )
+class AnotherRun(ValueError):
+    """What refuses a folder: each field, found value and wanted value, and what to do."""
+
+    def __init__(self, folder: Path, differences: Sequence[Difference]) -> None:
+        self.differences = told(differences)
+        self.advice = ", ".join(dict.fromkeys(_ADVICE[name.split()[0]] for name, _, _ in differences))
+        super().__init__(
+            f"--out {folder} holds another run: {self.differences}; to complete that one, {self.advice}; or {ANEW}"
+        )

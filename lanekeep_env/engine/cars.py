@@ -175,5 +175,8 @@ class Cars:
 
 def check_index(start: np.ndarray, name: str, count: int) -> None:
     """Raise ValueError unless the numbers (NaN for none) are whole ones from 0 to ``count`` - 1."""
-    if np.any((start < 0) | (start >= count) | (start % 1 > 0)):
-        raise ValueError(f"reset option {name} must be a whole number from 0 to {count - 1}")
+    wrong = start[(start < 0) | (start >= count) | (start % 1 > 0)]
+    if len(wrong):
+        raise ValueError(
+            f"reset option {name}={wrong[0]:.15g} is not allowed: it must be a whole number from 0 to {count - 1}"
+        )

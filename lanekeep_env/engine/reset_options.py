@@ -30,6 +30,9 @@ WALL_STARTS = {
     "world_index": "of a set of worlds, or `world`",
 }
 
+#: How far from the lane's centre, or the middle, an episode may start.
+_FARTHEST = {"lateral_error": (20.0, "20 m"), "heading_error": (np.pi, "pi rad")}
+
 
 def page_section(starts: Mapping[str, str]) -> str:
     """Return what an environment's page says of the options of ``reset``."""
@@ -85,15 +88,21 @@ def start_rows(fixed: Mapping[str, Any], starts: tuple[str, ...], cars: int) -> 
     for key, value in fixed.items():
         row = starts.index(key)
         try:
-            start[row] = np.asarray(value, dtype=np.float64)
-        except (TypeError, ValueError, OverflowError):
+            numbers = np.asarray(value)
+            if numbers.dtype.kind not in "iuf":  # no text that reads like a number, and no truth
+                raise TypeError
+            start[row] = numbers
+        except (TypeError, ValueError):
             raise ValueError(
                 f"reset option {key}={shown(value)} must be a number or one number a car ({cars})"
             ) from None
         if not np.isfinite(start[row]).all():
             raise ValueError(f"reset option {key}={shown(value)} must be finite; leave it out to have it drawn")
-    if np.any(np.abs(start[:2]) > [[20.0], [np.pi]]):
-        raise ValueError("reset options lateral_error and heading_error must be within 20 m and pi rad")
+        largest, told = _FARTHEST.get(key, (np.inf, ""))
+        if np.abs(start[row]).max() > largest:
+            raise ValueError(
+                f"reset option {key}={shown(value)} is not allowed: it must be within {told} to either side"
+            )
     return start
 
 

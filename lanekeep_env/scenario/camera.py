@@ -68,7 +68,8 @@ class CameraLaneScenario(RoadScenario):
         camera: a mapping of `Camera`.
         plan: number of samples of the planned curvature in the observation, the first one at the rear axle.
         plan_spacing: distance between them, m.
-        plan_errors: a mapping of `PlanErrors`: where, how sharp and how long the plan has bends, and how late.
+        plan_errors: a mapping of `PlanErrors`: how much later (``offset``, m), with how much larger radii and angles
+            (``radius``, ``angle``, shares: 0.1 is a tenth) the plan has bends, and how late (``recognised``, m).
         set_points: distance that the edge is to be kept at: None for half the lane's width, a number (m), or a mapping
             of `SetPoints` that change in time. The channel set_distance then tells it, and the running cost counts
             from it; lateral_error stays that of the lane's centre.

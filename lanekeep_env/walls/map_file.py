@@ -21,6 +21,7 @@ from lanekeep_env.walls.world import START_CLEARANCE, Floats, World
 
 #: What asks for the middle of the walls as centre line.
 FOUND = "found"
+_ELSEWHERE = "give another start, x and y in m, as the map's frame has them"
 _LARGEST_YAML = 100_000
 # Points of a centre line times walls: from each point all walls are looked at, which takes some seconds.
 _MOST_CHECKS = 10_000_000
@@ -96,7 +97,9 @@ class MapContent:
         try:
             cell = _cell(start, settings, free.shape)
             if unknown is not None and unknown[grey.levels[::-1][cell]]:
-                raise ValueError(f"the start lies in unknown cells (cell {cell[1]}, {cell[0]}; mode raw: above 100)")
+                raise ValueError(
+                    f"the start lies in unknown cells (cell {cell[1]}, {cell[0]}; mode raw: above 100); {_ELSEWHERE}"
+                )
             walls = borders(_reached(free, cell))
             segments = _to_world(walls.reshape(-1, 2), settings).reshape(-1, 4)
             line = None if centre_line is None else self._centre_line(centre_line, walls)
@@ -144,7 +147,7 @@ def _cell(start: tuple[float, float, float], settings: MapSettings, shape: tuple
     if not (0.0 <= row < shape[0] and 0.0 <= column < shape[1]):
         raise ValueError(
             f"the start ({start[0]:g}, {start[1]:g}) m is outside the map of {shape[1]} x {shape[0]} cells "
-            f"of {settings.resolution:g} m at origin ({x:g}, {y:g}) m"
+            f"of {settings.resolution:g} m at origin ({x:g}, {y:g}) m; {_ELSEWHERE}"
         )
     return math.floor(row), math.floor(column)
 
@@ -152,7 +155,7 @@ def _cell(start: tuple[float, float, float], settings: MapSettings, shape: tuple
 def _reached(free: Cells, cell: tuple[int, int]) -> Cells:
     """Cells that can be reached from one; raises ValueError where that is none, or where they leave the map."""
     if not free[cell]:
-        raise ValueError(f"the start lies inside a wall (cell {cell[1]}, {cell[0]} from the lower left)")
+        raise ValueError(f"the start lies inside a wall (cell {cell[1]}, {cell[0]} from the lower left); {_ELSEWHERE}")
     inside = reached_from(free, *cell)
     edge = np.zeros_like(inside)
     edge[[0, -1]] = edge[:, [0, -1]] = True

@@ -245,8 +245,19 @@ def test_an_output_that_nobody_reads_and_a_folder_that_nobody_can_write(tmp_path
     run = [sys.executable, "-m", "lanekeep_benchmarks", "envs"]
     done = subprocess.run(run, stdout=write, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 1 and done.stderr == "lanekeep: what reads the output was closed before its end\n"
+    for command_line in (["envs"], ["envs", "Drive-v0"], ["envs", "--json"], ["--version"]):
+        with open("/dev/full", "w") as full:
+            done = subprocess.run([*run[:3], *command_line], stdout=full, stderr=subprocess.PIPE, text=True)
+        assert done.returncode == 1
+        assert done.stderr == "lanekeep: the output cannot be written: No space left on device\n"
     done = command("bench", "--policies", "stanley", "--episodes", "1", "--out", "/proc/nowhere", cwd=tmp_path)
-    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "/proc/nowhere" in done.stderr
+    assert done.returncode == 2 and done.stderr == "lanekeep: /proc/nowhere: No such file or directory\n"
+    road = tmp_path / "road.csv"
+    road.write_text("x_m,y_m\n" + "".join(f"{x},0\n" for x in range(0, 100, 5)))
+    picture = tmp_path / "nowhere" / "road.png"  # by its own name, not that of the file beside it
+    done = command("road", "check", str(road), "--out", str(picture))
+    assert done.returncode == 2 and done.stderr == f"lanekeep: {picture}: No such file or directory\n"
+    road.unlink()
     assert not list(tmp_path.iterdir())
 
 
@@ -270,6 +281,10 @@ def test_results_as_csv(finished, tmp_path, capsys):
     assert main(["export", str(folder), "--out", str(tmp_path / "csv")]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "--overwrite" in error
+    (tmp_path / "file").write_text("kept")
+    assert main(["export", str(folder), "--out", str(tmp_path / "file")]) == 2
+    assert "file is a file; allowed: a folder" in capsys.readouterr().err
+    assert (tmp_path / "file").read_text() == "kept"
 
 
 def test_missing_typer_names_the_extra(tmp_path):

@@ -42,6 +42,10 @@ class Forgets(Mine):
     def command(self, at, memory, fresh):
         return -0.03 * at["lateral_error"]
 
+class OneNumber(Mine):
+    def command(self, at, memory, fresh):
+        return 0.1, None
+
 class Car:
     def __init__(self, scenario):
         names = [channel.name for channel in scenario.channels]
@@ -113,6 +117,10 @@ def test_python_takes_names_factories_and_objects(folder):
     policies = ["pd", mine.Mine, mine.Mine(LaneKeepScenario(preview=1, road="slalom"))]
     with pytest.raises(ValueError, match="policies 'pd, mine, mine' are not allowed"):
         lanekeep_benchmarks.benchmark("short", policies, out=folder / "twice")
+    for no_list in ("pd", {"pd": mine.Mine}):
+        with pytest.raises(ValueError, match=r"policies=.* is not allowed: it must be a list"):
+            lanekeep_benchmarks.benchmark("short", no_list, out=folder / "twice")
+    assert not (folder / "twice").exists()
     summary = lanekeep_benchmarks.benchmark("short", ["pd", mine.Mine, mine.alone], episodes=2, out=folder / "out")
     assert [row["policy"] for row in summary["scenarios"][0]["policies"]] == ["pd", "mine", "alone"]
     found = lines(folder / "out")
@@ -152,6 +160,7 @@ def test_a_registered_controller_is_one_of_all(folder, monkeypatch):
         ("mine.py:no_number", r"the action of row 0 is \[nan\]"),
         ("mine.py:nothing", "the factory returned None; it must be an object with predict"),
         ("mine.py:Forgets", r"TypeError: Forgets.command returned ndarray; it must return two things"),
+        ("mine.py:OneNumber", r"TypeError: OneNumber.command returned commands of the shape \(\); allowed is \(3,\)"),
         ("syntax.py:Mine", r"SyntaxError: .*syntax.py, line 2"),
         ("fails.py:Mine", r"KeyError: 'x' \(.*fails.py, line 3, in <module>\)"),
         ("mine", "policy 'mine' is unknown.*or code of your own, module:factory"),

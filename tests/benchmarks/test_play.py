@@ -68,6 +68,9 @@ def test_a_gif_of_two_seconds(tmp_path, capsys):
         (["--seconds", "-1"], "seconds"),
         (["--seconds", "inf"], "--seconds=inf"),
         (["--seconds", "nan"], "--seconds=nan"),
+        (["--scenario", "nominal"], "--scenario 'nominal' has no effect without --run"),
+        (["--run", "x", "--episode", "0", "--seed", "4"], "leave --seed out"),
+        (["Drive-v0", "--run", "x", "--episode", "0", "--road", "sine"], "leave ENV and --road out"),
     ],
 )
 def test_wrong_input_is_one_line(arguments, word, capsys, tmp_path, monkeypatch):

@@ -205,6 +205,12 @@ def test_atomic_write_leaves_the_old_file_when_it_fails(tmp_path, monkeypatch):
         write_atomic(target, "new")
     assert [file.name for file in tmp_path.iterdir()] == ["summary.json"]
     assert target.read_text() == "old"
+    monkeypatch.undo()
+    for wrong in (tmp_path / "nowhere" / "a.json", tmp_path):  # no such folder; a folder in the file's place
+        with pytest.raises(OSError) as error:
+            write_atomic(wrong, "new")
+        assert error.value.filename == str(wrong) and ".tmp" not in str(error.value)
+    assert [file.name for file in tmp_path.parent.iterdir() if file.name.endswith(".tmp")] == []
 
 
 def test_what_a_killed_writer_left_is_written_over(tmp_path):

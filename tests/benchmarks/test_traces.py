@@ -137,7 +137,7 @@ def test_a_line_driven_again_is_the_same_episode(traced):
         (["--run", "{run}", "--episode", "9", "--scenario", "wide", "--policy", "pd"], "a complete run has 0 to 4"),
         (["--run", "{run}", "--episode", "1", "--scenario", "wid", "--policy", "pd"], "did you mean 'wide'?"),
         (["--run", "{run}/nowhere", "--episode", "1"], "holds no run"),
-        (["--run", "{run}", "--episode", "1", "--road", "slalom"], "leave --road and --world out"),
+        (["--run", "{run}", "--episode", "1", "--road", "slalom"], "leave --road out"),
     ],
 )
 def test_what_cannot_be_driven_again_is_one_line(traced, tmp_path, monkeypatch, capsys, arguments, message):
@@ -178,6 +178,12 @@ def test_another_road_is_not_driven_for_the_runs(tmp_path, monkeypatch, capsys):
     assert main(["play", "--run", "out", "--episode", "0"]) == 2
     error = capsys.readouterr().err
     assert "is not the one of the run: its hash is" in error and error.count("\n") == 1
+    record = tmp_path / "out" / "run.json"  # nor with other code, and what is told is told of --run
+    record.write_text(json.dumps(json.loads(record.read_text()) | {"code": "0123"}))
+    assert main(["play", "--run", "out", "--episode", "0"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("lanekeep: --run out cannot be driven again as it was: code is '0123' there")
+    assert error.count("\n") == 1 and "--out" not in error and "--resume" not in error
 
 
 def test_one_row_is_one_drive_of_the_evaluation(traced):

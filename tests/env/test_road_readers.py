@@ -314,6 +314,7 @@ WAYS_OUT = [
     ("road.csv", lines(POINTS, header=["x_rad,y_rad"]), ["'x_rad' is in 'rad'", "allowed: m, km"]),
     ("road.csv", lines(POINTS, header=["x_pixel,y_pixel"]), ["known are none"]),
     ("road.csv", lines(POINTS, header=["x_kmh,y_m"]), ["'x_kmh' is in 'kmh'", "allowed: m, km"]),
+    ("road.csv", lines(np.c_[POINTS, Z], header=["x_m,y_m,x_m"]), ["two columns are named 'x_m'", "otherwise"]),
     ("road.csv", lines(np.abs(POINTS).round(1), ",", ",", digits=1), ["decimal comma"]),
     ("road.gpx", "<kml></kml>", ["root <kml>", "expected <gpx>"]),
     ("road.gpx", "<gpx></gpx>", ["holds no track segments"]),

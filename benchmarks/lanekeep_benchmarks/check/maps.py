@@ -61,6 +61,7 @@ def draw_map(world: World) -> bytes:
     x, y, heading = world.start[0]
     plan.annotate("", (x + np.cos(heading), y + np.sin(heading)), (x, y), arrowprops={"arrowstyle": "->", "color": "r"})
     plan.set_aspect("equal")
+    plan.margins(x=0.05, y=0.1)  # the scale bar is below the walls
     plan.autoscale_view()
     plan.set(title=world.name, xlabel="x [m]", ylabel="y [m]")
     scale_bar(plan, float(np.ptp(world.segments.reshape(-1, 2), axis=0).max()))

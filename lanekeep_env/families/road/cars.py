@@ -135,8 +135,11 @@ class RoadCars(Cars):
     def _check_place(self, start: np.ndarray) -> None:
         """Raise ValueError where the last two start rows name a place that does not exist."""
         check_index(start[3], "road_index", len(self.index))
-        if np.any((start[2] < 0) | (start[2] > self._shortest)):
-            raise ValueError(f"reset option arc_length must be from 0 to {self._shortest:.1f} m")
+        wrong = start[2][(start[2] < 0) | (start[2] > self._shortest)]
+        if len(wrong):
+            raise ValueError(
+                f"reset option arc_length={wrong[0]:.15g} is not allowed: it must be from 0 to {self._shortest:.1f} m"
+            )
 
     def road_set(self) -> tuple[tuple[Road, np.ndarray], ...]:
         """The roads with their node speeds (m/s), as built for this scenario."""

@@ -137,6 +137,8 @@ def _columns(table: Table, name: str) -> tuple[dict[str, Floats], tuple[str, ...
     unread: list[str] = []
     for k, heading in enumerate(table.names):
         quantity, unit = _quantity(heading)
+        if quantity is not None and heading in table.names[:k]:
+            raise ValueError(f"{name}: two columns are named {shown(heading)}; name one of them otherwise")
         if quantity is None or quantity in found:
             unread.append(heading)
             continue

@@ -178,7 +178,7 @@ FAULTS = [
     ({"text": "#" * 200_000}, "has 200000 bytes, allowed are 100000"),
     ({"text": "[" * 50_000}, "line 1: it holds more than a map's settings"),
     ({"grey": np.full((20, 30), 254, np.uint8)}, "the walls are open"),
-    ({"grey": np.zeros((20, 30), np.uint8)}, r"the start lies inside a wall \(cell 10, 10"),
+    ({"grey": np.zeros((20, 30), np.uint8)}, r"the start lies inside a wall \(cell 10, 10 .*; give another start"),
     (
         {"origin": [5.0, 0.0, 0.0]},
         r"the start \(0, 0\) m is outside the map of 30 x 20 cells of 0.1 m at origin \(5, 0",
