@@ -12,8 +12,7 @@ import os
 import pickle
 import signal
 import threading
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -23,7 +22,6 @@ from itertools import islice
 from typing import Any
 
 from lanekeep_benchmarks.evaluate import Batch, Driven, Driver, MakePolicy, Policy
-from lanekeep_benchmarks.lines import Place
 from lanekeep_benchmarks.policies import Entry, rebuilt
 from lanekeep_env.checks import choose, require
 
@@ -72,7 +70,7 @@ def drive_all(engine: Engine, work: Work, batches: Iterable[Batch], make_policy:
 
     Raises:
         ValueError: a policy's code fails.
-        ChildProcessError: a worker died again and again with the same batch.
+        ChildProcessError: a worker died again and again with the same batch, driven alone.
     """
     if engine.kind == "serial":
         driver = Driver(work.suite, work.seed, make_policy, work.kept)
@@ -155,41 +153,63 @@ def _begin() -> None:
 
 
 def _processes(work: Work, batches: Iterator[Batch], workers: int) -> Iterator[Driven]:
-    tries: Counter[Place] = Counter()
-    again: list[Batch] = []
-    while True:
-        pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin)
-        running: dict[Future[Driven], Batch] = {}
-        try:
-            alive = True
-            while alive:
-                # As many as keep all busy: what has ended waits in memory until it is written.
-                for batch in [*again, *islice(batches, max(0, 2 * workers - len(running) - len(again)))]:
-                    running[pool.submit(_drive, work, batch)] = batch
-                again = []
-                if not running:
-                    return
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    batch = running.pop(future)
-                    if isinstance(future.exception(), BrokenProcessPool):
-                        alive = False
-                        again.append(batch)
-                    else:
-                        yield future.result()
-        except BrokenProcessPool:  # it broke while a batch was handed over
-            pass
-        finally:
-            pool.shutdown(cancel_futures=True)
-        # All that ran are driven anew, whichever worker died; a batch that is there each time may be why.
-        again += [batch for batch in running.values() if batch not in again]
-        for batch in again:
-            tries[batch.place] += 1
-            if tries[batch.place] == TRIES:
+    """Drive on ``workers`` processes; where one dies, what ran then is driven one by one: some of it may be why."""
+    while lost := (yield from _side_by_side(work, batches, workers)):
+        yield from _one_by_one(work, lost)
+
+
+def _side_by_side(work: Work, batches: Iterator[Batch], workers: int) -> Generator[Driven, None, list[Batch]]:
+    """Drive until all is done or a worker dies; return what ran then."""
+    pool = _pool(workers)
+    lost: list[Batch] = []
+    running: dict[Future[Driven], Batch] = {}
+    try:
+        while not lost:
+            # As many as keep all busy: what has ended waits in memory until it is written.
+            for batch in islice(batches, max(0, 2 * workers - len(running))):
+                lost = [batch]  # until it is handed over: the pool may be broken by then
+                running[pool.submit(_drive, work, batch)] = batch
+                lost = []
+            if not running:
+                return []
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                batch = running.pop(future)
+                if isinstance(future.exception(), BrokenProcessPool):
+                    lost.append(batch)
+                else:
+                    yield future.result()
+    except BrokenProcessPool:
+        pass
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return lost + list(running.values())
+
+
+def _one_by_one(work: Work, batches: list[Batch]) -> Iterator[Driven]:
+    """Drive one batch after the other, each up to `TRIES` times."""
+    pool = _pool(1)
+    try:
+        for batch in batches:
+            for _ in range(TRIES):
+                try:
+                    driven = pool.submit(_drive, work, batch).result()
+                    break
+                except BrokenProcessPool:
+                    pool.shutdown()
+                    pool = _pool(1)
+            else:
                 raise ChildProcessError(
                     f"a worker died {TRIES} times while {batch.policy} drove {batch.scenario.name}, episodes "
                     f"{batch.numbers[0]} to {batch.numbers[-1]}: out of memory, killed, or begun by a script "
                     'that lacks if __name__ == "__main__"'
                 )
+            yield driven
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin)
 
 
 def _on_ray(work: Work, batches: Iterator[Batch], address: str | None) -> Iterator[Driven]:
