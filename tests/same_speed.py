@@ -1,6 +1,6 @@
 """How fast this checkout's environments are beside another checkout's.
 
-    python tests/same_speed.py OLD_CHECKOUT [--quick]
+    python tests/same_speed.py OLD_CHECKOUT [--quick] [--only ID]
 
 Prints new speed / old speed of every id: steps of a single environment, of 1,024 cars on one thread in both
 precisions, and start-up (from the start of a process to its first step, kernels compiled before). Both run in turns,
@@ -61,6 +61,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("old_checkout", metavar="OLD_CHECKOUT")
     parser.add_argument("--quick", action="store_true", help="fewer processes and rounds")
+    parser.add_argument("--only", metavar="ID", help="one environment")
     given = parser.parse_args()
     try:
         paths = [checked(given.old_checkout), HERE]
@@ -70,7 +71,7 @@ def main() -> int:
     slower = 0
     print("new speed / old speed (95 % interval)\n")
     print(f"{'':24}" + "".join(f"{name:24}" for name in ("single", "1,024 float64", "1,024 float32", "start-up")))
-    for env_id in options_module().OPTIONS:
+    for env_id in [given.only] if given.only else options_module().OPTIONS:
         for path in paths:
             worker = Worker(path, "side_by_side.speed")  # compiles what is not yet compiled
             worker.ask(("start", env_id))

@@ -91,7 +91,7 @@ def _judge(k, cars, counters, world, settings, equipment, outcome):
     first = k * cars.shape[2]
     n = cars_in(k, cars, counters)
     block, told = cars[k], outcome[:, first : first + n]
-    judge_lane(n, at.LATERAL, block, settings, told)
+    judge_lane(n, block[at.LATERAL], block, settings, told)
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     endings = move_on(n, seconds, block)
     if settings[at.TRACKS] > like(seconds, 0.0):

@@ -50,8 +50,8 @@ def still(i, block):
 
 
 @helper
-def judge_lane(n, error, block, settings, outcome):
-    """Reward and flags of the block's first ``n`` cars by their row ``error``, column by column of ``outcome``."""
+def judge_lane(n, d_, block, settings, outcome):
+    """Reward and flags of the block's first ``n`` cars by their lateral errors ``d_``, column by column of ``outcome``."""
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     half_lane, cap = settings[at.HALF_LANE], settings[at.COST_CAP]
     horizon = settings[at.HORIZON]
@@ -59,7 +59,7 @@ def judge_lane(n, error, block, settings, outcome):
     weight, lateral, reference = settings[at.COST_WEIGHT], settings[at.COST_LATERAL], settings[at.COST_RATE]
     ends = settings[at.DEPARTURE] == at.TERMINATE
     ignores = settings[at.DEPARTURE] == at.OFF
-    d_, steer_, before_ = block[error], block[at.STEER], block[at.STEER_BEFORE]
+    steer_, before_ = block[at.STEER], block[at.STEER_BEFORE]
     reward_, terminated_, truncated_ = outcome[at.O_REWARD], outcome[at.O_TERMINATED], outcome[at.O_TRUNCATED]
     rate_, cost_ = outcome[at.O_STEERING_RATE], outcome[at.O_COST]
     step_, departed_ = block[at.STEP], block[at.DEPARTED]
@@ -83,7 +83,7 @@ def judge_lane(n, error, block, settings, outcome):
 def _judge(k, cars, counters, world, settings, equipment, outcome):
     first = k * cars.shape[2]
     n = cars_in(k, cars, counters)
-    judge_lane(n, at.LATERAL, cars[k], settings, outcome[:, first : first + n])
+    judge_lane(n, cars[k][at.LATERAL], cars[k], settings, outcome[:, first : first + n])
 
 
 @helper

@@ -98,7 +98,7 @@ def _judge(k, cars, counters, world, settings, equipment, outcome):
         elif new and passed:
             block[at.AVOIDABLE, i] = avoided(i, at.STOP_SIGHT, block, timeline, world[0], settings, equipment[_DRIVE])
         block[at.STEP, i] -= one
-    judge_lane(n, at.LANE_OFFSET, block, settings, told)
+    judge_lane(n, block[at.LANE_OFFSET], block, settings, told)
     _charge_speed(n, block, settings, told)
     drive_kernel.end(n, block, settings, told)
 
