@@ -22,6 +22,10 @@ def _never_reset(*_: Any) -> None:
     raise gym.error.ResetNeeded("call reset() before step()")
 
 
+#: The one car, as a mask.
+_ONE = np.ones(1, dtype=np.bool_)
+
+
 class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
     """One car; a family is mixed in, and subclasses name the task's scenario and are its page of documentation."""
 
@@ -61,8 +65,9 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
         if seed is not None or not core.seeded:
             core.set_key(0, self.np_random)
             core.seeded = True
-        core.reset(options, np.ones(1, dtype=np.bool_), self._observation, self._outcome)
-        self._bind()
+        core.reset(options, _ONE, self._observation, self._outcome)
+        if not self._arguments:
+            self._bind()
         if self._picture is not None:
             self._picture.forget()
         if self._shown:
