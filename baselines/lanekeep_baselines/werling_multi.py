@@ -80,6 +80,8 @@ class WerlingDrive(WerlingLateralAhead):
     #: Below this speed (m/s) and this wanted acceleration (m/s²) the car stands; brake that holds it, share.
     stands: ClassVar[tuple[float, float]] = (0.02, 0.1)
     holding: ClassVar[float] = 0.2
+    #: Where the pedals give that share of what is wanted and the car still stands, a slope holds it.
+    uphill: ClassVar[float] = 0.9
     #: Lags of the pedals after a gear change until acceleration is what it is expected to be again.
     settled: ClassVar[float] = 3.0
 
@@ -186,7 +188,8 @@ class WerlingDrive(WerlingLateralAhead):
         pedal = np.where(standing, np.minimum(found.pedal, -self.holding), found.pedal)
         before = np.where(fresh, measured + found.resistance, before)
         due = np.clip(before, -most, most) - found.resistance - pushed
-        still = (v < self.stands[0]) | (held > 0.0)
+        uphill = (wanted >= self.stands[1]) & (due > self.uphill * wanted)
+        still = ((v < self.stands[0]) & ~uphill) | (held > 0.0)
         state = self._integrator.advance(due, measured, asked, found.expected, still, state, fresh)
         given = np.where(standing, -self._train.brake * self.holding, found.given)
         before = before + self._share * (given - before)

@@ -52,8 +52,8 @@ class Traffic:
             the friction of the road), "lead_gone" (it turns off), "stop" (distance of a stop point in m),
             "stop_gone", "position" (way ahead in m, negative behind, and speed in m/s of a set position (x(t), y(t))
             that moves along the road: what speed is set is from then on what leads there), "position_speed" (m/s that
-            it goes to, and with how many m/s²), "position_gone"; up to 199 m and 100 m/s. Cars and stop points are in
-            the way, also backwards; set positions are driven to forwards.
+            it goes to, and with how many m/s²), "position_gone" (the speed set last stays); up to 199 m
+            and 100 m/s. Cars and stop points are in the way, also backwards; set positions are driven to forwards.
         count: random timelines in the set; an episode's key chooses one.
         duration: of each of them, s; with ``count`` it bounds the table of all events to 64 MiB.
         largest_speed: m/s, 30 at the most: who sees 200 m cannot stop from more with 3 m/s².
@@ -80,6 +80,7 @@ class Traffic:
             raise ValueError(f"traffic.events: times {shown(times)} are not allowed: they must rise")
         if self.events and (self.events[0][0] != 0.0 or self.events[0][1] != "speed"):
             raise ValueError('traffic.events must begin with (0.0, "speed", m/s)')
+        self._check_there()
         require("traffic.count", self.count, "timelines", at_least=1, at_most=100_000, whole=True)
         longest = min(LONGEST, (LARGEST_TABLE // _EVENT_SIZE // int(self.count) - _FURTHER) * _SOONEST)
         require("traffic.duration", self.duration, f"s for {int(self.count)} timelines", above=0.0, at_most=longest)
@@ -87,6 +88,15 @@ class Traffic:
         require("traffic.hazards", self.hazards, "", at_least=0.0, at_most=1.0)
         require("traffic.seed", self.seed, "", at_least=0, whole=True)
         plain_numbers(self)
+
+    def _check_there(self) -> None:
+        """Refuse a speed of what is not there: it would be lost."""
+        there: set[str] = set()
+        for time, kind, _ in self.events:
+            thing, _, what = kind.partition("_")
+            if what == "speed" and thing not in there:
+                raise ValueError(f"traffic.events {kind!r} at {time:g} s is not allowed: no {thing!r} is there by then")
+            (there.discard if what == "gone" else there.add)(thing)
 
     @staticmethod
     def _event(event: Sequence[Any]) -> Event:

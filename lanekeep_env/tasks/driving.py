@@ -125,6 +125,7 @@ def lead_on(n, seconds, block):
         block[at.SET_SPEED],
     )
     target_, rate_, way_ = block[at.POSITION_TARGET], block[at.POSITION_RATE], block[at.WAY]
+    engaged_ = block[at.SPEED_TARGET]
     d_, theta_, beta_ = block[at.LATERAL], block[at.HEADING], block[at.SIDESLIP]
     along_, curvature_, slope_ = block[at.ALONG], block[at.CURVATURE], block[at.CURVATURE_SLOPE]
     zero, one, half = like(seconds, 0.0), like(seconds, 1.0), like(seconds, 0.5)
@@ -134,7 +135,8 @@ def lead_on(n, seconds, block):
         after = lead_after(before, target_[i], rate_[i], seconds)
         kappa = curvature_[i] + slope_[i] * larger(along_[i], zero)
         _, cosine = sin_cos(theta_[i] + beta_[i])
-        ahead = way_[i] * cosine / larger(one - d_[i] * kappa, least)
+        way = select(engaged_[i] < zero, -way_[i], way_[i])  # in reverse away from it
+        ahead = way * cosine / larger(one - d_[i] * kappa, least)
         there, now = gap < nowhere, gap + half * (before + after) * seconds - ahead
         speed_[i], pull_[i] = after, (after - before) / seconds
         gap_[i] = select(there, now, gap)

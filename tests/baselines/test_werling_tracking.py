@@ -64,6 +64,27 @@ def test_the_set_position_moves_as_it_is_told() -> None:
     assert set(np.round(seen["position_acceleration"], 2)) >= {0.0, -4.0}
 
 
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_backwards_the_way_to_the_set_position_grows_and_it_is_reached_forwards(dtype: str) -> None:
+    """A standing one, 10 m ahead of a car that reverses: the way to it is 10 m less what the car goes on the road."""
+    events, start = [(0, "speed", -5), (1, "position", 10, 0)], {"lateral_error": 0.0, "heading_error": 0.0}
+    env = gym.make("lanekeep/Drive-v0", road="straight", traffic=events, slope=0.0, wind=0.0, dtype=dtype)
+    policy = lanekeep_baselines.make("werling-drive", env.unwrapped.scenario)
+    names = [c.name for c in env.unwrapped.scenario.channels]
+    columns = [names.index(name) for name in ("position_gap", "gear")]
+    observation, info = env.reset(seed=0, options=start)
+    state, rows = None, []
+    for k in range(1500):
+        action, state = policy.predict(observation, state, np.array(k == 0))
+        observation, *_, info = env.step(action)
+        rows.append([*observation[columns], info["arc_length"]])
+    gap, gear, place = np.array(rows, dtype=float)[50:].T
+    before = rows[49][2]
+    assert gap == pytest.approx(10.0 - (place - before), abs=0.02 if dtype == "float64" else 0.05)
+    assert gap.max() > 12.0 and abs(gap[-1]) < 0.1
+    assert gear[0] == -1.0 and gear[-1] >= 0.0 and (np.diff(gear < 0.0).sum() == 1)
+
+
 def test_both_errors_follow_their_closed_forms_while_the_car_brakes_in_the_swerve() -> None:
     """(1 + t) exp(-t), with actuators at once; in steady curves the law lays the car l_r² kappa/2 outside."""
     quick = {"vehicle": {"base": "passat", "steering": {"lag": 0.0}}, "powertrain": {"pedal_lag": 0.0}}

@@ -92,3 +92,22 @@ def test_shunting_forwards_backwards_and_on_to_the_motorway_in_one_episode(slope
     assert 12.0 < backwards < 25.0 and gear[-1] == 0.0 and v[-1] == pytest.approx(2.5, abs=0.3)
     # In steady curves the centre of gravity runs l_r²/(2 R) outside of the rear axle.
     assert np.abs(d[300:] + 1.51**2 / 30.0).max() < 0.06
+
+
+@pytest.mark.parametrize(("slope", "speed"), [(0.12, 10), (0.3, 10), (0.05, 0.6), (0.2, 2), (-0.12, -2), (-0.3, -2)])
+def test_a_standing_car_starts_on_every_slope_that_its_engine_climbs(slope: float, speed: float) -> None:
+    """Comfort's 1 m/s² less the slope's pull is often less than nothing; the car must not stand there for ever."""
+    events = [(0, "speed", 0.005 * min(speed, 0)), (2, "speed", speed)]  # in the gear in which it is to start
+    env = gym.make(
+        "lanekeep/Drive-v0", road="straight", traffic=events, slope=slope, wind=0.0, observation="full"
+    )  # fmt: skip
+    policy = lanekeep_baselines.make("werling-drive", env.unwrapped.scenario)
+    observation, _ = env.reset(seed=0, options=START)
+    state, speeds = None, []
+    for k in range(1200):
+        action, state = policy.predict(observation, state, np.array(k == 0))
+        observation, _, terminated, _, info = env.step(action)
+        assert not terminated
+        speeds.append(info["speed"])
+    way = np.sign(speed) * np.array(speeds)
+    assert way[-1] == pytest.approx(abs(speed), rel=0.05) and way.max() < 1.15 * abs(speed) + 0.2

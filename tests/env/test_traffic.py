@@ -48,6 +48,12 @@ def test_the_largest_table_is_bounded(count):
         ({"events": [(0, "speed", [5] * 10**6)]}, "takes 1 numbers"),
         ({"events": [(5, "speed", 5), *[(4, "stop", 5)] * 5000]}, "must rise"),
         ({"events": ["x" * 10**6]}, "traffic.events time='x'"),
+        ({"events": [(0, "speed", 5), (3, "lead_speed", 5, 1)]}, "'lead_speed' at 3 s is not allowed: no 'lead'"),
+        ({"events": [(0, "speed", 5), (3, "position_speed", 5, 1)]}, "no 'position' is there by then"),
+        (
+            {"events": [(0, "speed", 5), (1, "lead", 9, 5), (2, "lead_gone"), (2, "lead_speed", 5, 1)]},
+            "'lead_speed' at 2 s is not allowed",
+        ),
     ],
 )
 def test_what_no_traffic_has_is_one_short_line(keywords, words):
