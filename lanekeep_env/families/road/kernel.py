@@ -51,7 +51,7 @@ def still(i, block):
 
 @helper
 def judge_lane(n, d_, block, settings, outcome):
-    """Reward and flags of the block's first ``n`` cars by their lateral errors ``d_``, column by column of ``outcome``."""
+    """Reward and flags of the block's first ``n`` cars by their errors ``d_``, column by column of ``outcome``."""
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     half_lane, cap = settings[at.HALF_LANE], settings[at.COST_CAP]
     horizon = settings[at.HORIZON]
