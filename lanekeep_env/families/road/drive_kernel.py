@@ -7,7 +7,7 @@ from dataclasses import replace
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper
 from lanekeep_env.engine.episode import cars_in
-from lanekeep_env.families.road.kernel import ON_ROADS, judge_lane, report
+from lanekeep_env.families.road.kernel import ON_ROADS, lane_judge, report
 from lanekeep_env.physics.numeric import like, magnitude, select, smaller
 from lanekeep_env.physics.powertrain import change_gear, find_due, pull
 from lanekeep_env.tasks.avoidable import avoided
@@ -16,6 +16,8 @@ from lanekeep_env.tasks.termination import CONTACT, STOP_PASSED
 
 # Behind sensors, gear, floor and camera the equipment holds the powertrain's numbers and the timelines.
 _DRIVE, _TIMELINES = 4, 5
+
+_judge_lane = lane_judge(at.LATERAL)
 
 
 @helper
@@ -91,7 +93,7 @@ def _judge(k, cars, counters, world, settings, equipment, outcome):
     first = k * cars.shape[2]
     n = cars_in(k, cars, counters)
     block, told = cars[k], outcome[:, first : first + n]
-    judge_lane(n, block[at.LATERAL], block, settings, told)
+    _judge_lane(n, block, settings, told)
     seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
     endings = move_on(n, seconds, block)
     if settings[at.TRACKS] > like(seconds, 0.0):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper
 from lanekeep_env.engine.episode import cars_in
@@ -9,6 +12,7 @@ from lanekeep_env.engine.observe import gather
 from lanekeep_env.engine.step import Family
 from lanekeep_env.families.road.segments import cross_segments, look_ahead
 from lanekeep_env.families.road.start import start_on_road
+from lanekeep_env.physics.integrate import named
 from lanekeep_env.physics.numeric import larger, like, smaller
 from lanekeep_env.sensing.camera import edge_distance
 from lanekeep_env.sensing.measure import measure
@@ -49,41 +53,53 @@ def still(i, block):
         block[row, i] = like(block[0, 0], 0.0)
 
 
-@helper
-def judge_lane(n, d_, block, settings, outcome):
-    """Reward and flags of the block's first ``n`` cars by their errors ``d_``, column by column of ``outcome``."""
-    seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
-    half_lane, cap = settings[at.HALF_LANE], settings[at.COST_CAP]
-    horizon = settings[at.HORIZON]
-    last_step = smaller(horizon, settings[at.MAX_STEPS])
-    weight, lateral, reference = settings[at.COST_WEIGHT], settings[at.COST_LATERAL], settings[at.COST_RATE]
-    ends = settings[at.DEPARTURE] == at.TERMINATE
-    ignores = settings[at.DEPARTURE] == at.OFF
-    steer_, before_ = block[at.STEER], block[at.STEER_BEFORE]
-    reward_, terminated_, truncated_ = outcome[at.O_REWARD], outcome[at.O_TERMINATED], outcome[at.O_TRUNCATED]
-    rate_, cost_ = outcome[at.O_STEERING_RATE], outcome[at.O_COST]
-    step_, departed_ = block[at.STEP], block[at.DEPARTED]
-    zero, one = like(seconds, 0.0), like(seconds, 1.0)
-    for i in range(n):
-        step_[i] += one
-        rate = (steer_[i] - before_[i]) / seconds
-        reward, outside, terminated = judge(
-            d_[i], rate, horizon - step_[i], seconds, half_lane, lateral, weight, reference, cap, ends, ignores
-        )
-        departed = departed_[i]
-        departed_[i] = one if outside > zero else departed
-        reward_[i] = reward
-        terminated_[i] = terminated
-        truncated_[i] = one if step_[i] >= last_step else zero
-        rate_[i] = rate
-        cost_[i] = outside
+@functools.cache
+def lane_judge(error_row: int) -> Callable[..., None]:
+    """Return the compiled function of reward and flags of a block's first ``n`` cars, by a row of lateral errors.
+
+    It writes ``outcome`` column by column. The row is a constant of its code: as an argument it cost a single car 5 %.
+    """
+
+    @helper
+    @named(str(error_row))
+    def judge_lane(n, block, settings, outcome):
+        seconds = settings[at.STEP_TIME] * settings[at.SUBSTEPS]
+        half_lane, cap = settings[at.HALF_LANE], settings[at.COST_CAP]
+        horizon = settings[at.HORIZON]
+        last_step = smaller(horizon, settings[at.MAX_STEPS])
+        weight, lateral, reference = settings[at.COST_WEIGHT], settings[at.COST_LATERAL], settings[at.COST_RATE]
+        ends = settings[at.DEPARTURE] == at.TERMINATE
+        ignores = settings[at.DEPARTURE] == at.OFF
+        d_, steer_, before_ = block[error_row], block[at.STEER], block[at.STEER_BEFORE]
+        reward_, terminated_, truncated_ = outcome[at.O_REWARD], outcome[at.O_TERMINATED], outcome[at.O_TRUNCATED]
+        rate_, cost_ = outcome[at.O_STEERING_RATE], outcome[at.O_COST]
+        step_, departed_ = block[at.STEP], block[at.DEPARTED]
+        zero, one = like(seconds, 0.0), like(seconds, 1.0)
+        for i in range(n):
+            step_[i] += one
+            rate = (steer_[i] - before_[i]) / seconds
+            reward, outside, terminated = judge(
+                d_[i], rate, horizon - step_[i], seconds, half_lane, lateral, weight, reference, cap, ends, ignores
+            )
+            departed = departed_[i]
+            departed_[i] = one if outside > zero else departed
+            reward_[i] = reward
+            terminated_[i] = terminated
+            truncated_[i] = one if step_[i] >= last_step else zero
+            rate_[i] = rate
+            cost_[i] = outside
+
+    return judge_lane
+
+
+_judge_lane = lane_judge(at.LATERAL)
 
 
 @helper
 def _judge(k, cars, counters, world, settings, equipment, outcome):
     first = k * cars.shape[2]
     n = cars_in(k, cars, counters)
-    judge_lane(n, cars[k][at.LATERAL], cars[k], settings, outcome[:, first : first + n])
+    _judge_lane(n, cars[k], settings, outcome[:, first : first + n])
 
 
 @helper

@@ -10,7 +10,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.compile import helper
 from lanekeep_env.engine.episode import cars_in
 from lanekeep_env.families.road import drive_kernel
-from lanekeep_env.families.road.kernel import judge_lane
+from lanekeep_env.families.road.kernel import lane_judge
 from lanekeep_env.families.road.kernel import observe as observe_road
 from lanekeep_env.families.road.traffic_lead import is_avoidable, see_traffic
 from lanekeep_env.families.road.traffic_start import start_in_traffic
@@ -25,6 +25,8 @@ from lanekeep_env.traffic.touch import touches
 
 # Behind the timelines, a car's own each, the equipment holds the others and the lanes that they drive on.
 _DRIVE, _TIMELINES, _TRAFFIC, _STREETS = 4, 5, 6, 7
+
+_judge_lane = lane_judge(at.LANE_OFFSET)
 
 
 @helper
@@ -98,7 +100,7 @@ def _judge(k, cars, counters, world, settings, equipment, outcome):
         elif new and passed:
             block[at.AVOIDABLE, i] = avoided(i, at.STOP_SIGHT, block, timeline, world[0], settings, equipment[_DRIVE])
         block[at.STEP, i] -= one
-    judge_lane(n, block[at.LANE_OFFSET], block, settings, told)
+    _judge_lane(n, block, settings, told)
     _charge_speed(n, block, settings, told)
     drive_kernel.end(n, block, settings, told)
 
