@@ -207,17 +207,15 @@ def speed(
         ratios = speeds.ratios.get(name, {})
         table.add_row(name, f"{rate:,.0f}", *(f"{ratios[rival]:.2f}" if rival in ratios else "" for rival in rivals))
     there.print(table)
-    courses = Table(title="Times as fast as a circuit at the same scan, of CPU", title_justify="left")
-    courses.add_column("what")
-    courses.add_column("ratio", justify="right")
-    for name, ratio in speeds.courses.items():
-        courses.add_row(name, f"{ratio:.2f}")
-    there.print(courses)
-    times = Table(title="Start-up in a fresh process", title_justify="left")
-    times.add_column("what")
-    times.add_column("seconds", justify="right")
-    for name, seconds in speeds.start_up.items():
-        times.add_row(name, f"{seconds:.2f}")
-    there.print(times)
+    for title, what, values in (
+        ("Times as fast as a circuit at the same scan, of CPU", "ratio", speeds.courses),
+        ("Start-up in a fresh process", "seconds", speeds.start_up),
+    ):
+        table = Table(title=title, title_justify="left")
+        table.add_column("what")
+        table.add_column(what, justify="right")
+        for name, value in values.items():
+            table.add_row(name, f"{value:.2f}")
+        there.print(table)
     for note in speeds.notes:
         there.print(note, highlight=False)

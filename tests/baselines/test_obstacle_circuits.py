@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 
+import circuit_laps
 import gymnasium as gym
-import numpy as np
 import pytest
-
-import lanekeep_baselines
 
 ID = "lanekeep/ObstacleCircuit-v0"
 
@@ -18,18 +16,7 @@ def endings(name: str, seed: int, count: int) -> list[str]:
     world = {"kind": "random-obstacle-circuits", "seed": seed, "count": count}
     faults = {"sensors": "production", "encoder_ticks": 40, "scan": "kinect-columns"}
     env = gym.make_vec(ID, count, "vector_entry_point", world=world, **faults)
-    policy = lanekeep_baselines.make(name, env.unwrapped.scenario)
-    observation, _ = env.reset(seed=seed, options={"world_index": np.arange(count)})
-    found, state, starts = [""] * count, np.zeros((count, policy.memory)), np.ones(count, dtype=bool)
-    while live := [i for i, ending in enumerate(found) if not ending]:
-        action = np.zeros((count, 2), dtype=np.float32)
-        action[live], state[live] = policy.predict(observation[live], state[live], starts[live])
-        starts[:] = False
-        observation, _, terminated, truncated, info = env.step(np.clip(action, -1.0, 1.0))
-        for i in live:
-            if terminated[i] or truncated[i]:
-                found[i] = "contact" if info["cost"][i] > 0.0 else "lap" if terminated[i] else "timeout"
-    env.close()
+    found = circuit_laps.endings(env, name, seed)
     print(name, Counter(found), [i for i, ending in enumerate(found) if ending != "lap"])
     return found
 

@@ -7,11 +7,11 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import circuit_laps
 import gymnasium as gym
 import numpy as np
 import pytest
 
-import lanekeep_baselines
 from lanekeep_env.walls import World
 from lanekeep_env.walls.generators import Circuit, Ell, Slalom, WorldRecord
 
@@ -82,20 +82,7 @@ def drive(kind: str, variant: str, first: int, count: int, steps: int = 4500) ->
         max_episode_steps=steps,
         **VARIANTS[variant],
     )
-    policy = lanekeep_baselines.make("knightriders-circuit", env.unwrapped.scenario)
-    observation, _ = env.reset(seed=first, options={"world_index": np.arange(count)})
-    endings, state = [""] * count, np.zeros((count, policy.memory))
-    starts = np.ones(count, dtype=bool)
-    while live := [i for i, ending in enumerate(endings) if not ending]:
-        action = np.zeros((count, 2), dtype=np.float32)
-        action[live], state[live] = policy.predict(observation[live], state[live], starts[live])
-        starts[:] = False
-        observation, _, terminated, truncated, info = env.step(np.clip(action, -1.0, 1.0))
-        for i in live:
-            if terminated[i] or truncated[i]:
-                endings[i] = "contact" if info["cost"][i] > 0.0 else "lap" if terminated[i] else "timeout"
-    env.close()
-    return endings
+    return circuit_laps.endings(env, "knightriders-circuit", first)
 
 
 @pytest.mark.parametrize(("kind", "variant"), [("any", "production"), ("ell", "perfect"), ("slalom", "kinect")])
