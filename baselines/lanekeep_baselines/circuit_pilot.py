@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.fixed_arc import FixedArc
-from lanekeep_baselines.free_drive import FreeDrive, Motion, Pilot
+from lanekeep_baselines.free_drive import FreeDrive, Motion, Pilot, Sight, Wish
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.scan_features import ScanReader
 from lanekeep_baselines.wall_design import WallCar
@@ -70,13 +70,9 @@ class CircuitPilot:
                 x,
                 y,
                 Motion(*(values[rows] for values in motion)),
-                wanted[rows],
-                side[rows],
-                pilot.heading[rows],
-                heard[rows],
-                self._reader.view(ranges[:, rows], self._free.bearing),
+                Wish(wanted[rows], side[rows], pilot.heading[rows], lost[rows]),
+                Sight(heard[rows], self._reader.view(ranges[:, rows], self._free.bearing)),
                 np.where(lost, pilot.back, 0.0)[rows],
-                lost[rows],
             )
             slower = np.where(lost[rows], np.minimum(choice.speed, self.LOOKING), choice.speed)
             curvature[rows], speed[rows] = choice.curvature, slower

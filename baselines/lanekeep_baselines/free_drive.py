@@ -37,6 +37,34 @@ class Choice(NamedTuple):
     free: Floats
 
 
+class Wish(NamedTuple):
+    """Where the car is to go, (n,) each.
+
+    Attributes:
+        curvature: preferred among equals, 1/m.
+        side: 1 where the way is known to turn left, -1 right, else 0.
+        heading: of the car from the leg's direction, rad; counts where the side is known.
+        lost: whether the way is looked for; else a command is replaced.
+    """
+
+    curvature: Floats
+    side: Floats
+    heading: Floats
+    lost: NDArray[np.bool_]
+
+
+class Sight(NamedTuple):
+    """What is known of the way ahead besides the points.
+
+    Attributes:
+        heard: way of the nose to what may be ahead unseen, m, inf for nothing, (n,).
+        along: how far the way along each path is seen, m, (n, paths), as of `FreeDrive.bearing`.
+    """
+
+    heard: Floats
+    along: Floats
+
+
 class Pilot(NamedTuple):
     """What is remembered of who drives, (n,) each.
 
@@ -125,55 +153,29 @@ class FreeDrive:
         """Return the speed, m/s, (n,), from which the car stops before what is heard so far ahead, m."""
         return np.sqrt(2.0 * self.BRAKE * np.maximum(heard - self.TOUCHING, 0.0))
 
-    def choose(
-        self,
-        x: Floats,
-        y: Floats,
-        motion: Motion,
-        wanted: Floats,
-        side: Floats,
-        heading: Floats,
-        heard: Floats,
-        view: Floats,
-        back: Floats,
-        lost: NDArray[np.bool_],
-    ) -> Choice:
+    def choose(self, x: Floats, y: Floats, motion: Motion, wish: Wish, sight: Sight, back: Floats) -> Choice:
         """Return the best path's command.
 
         Args:
             x, y: points, m, (points, n).
             motion: of the car.
-            wanted: curvature that is preferred among equals, 1/m, (n,).
-            side: 1 where the way is known to turn left, -1 right, else 0, (n,).
-            heading: of the car from the leg's direction, rad, (n,); counts where the side is known.
-            heard: way of the nose to what may be ahead unseen, m, inf for nothing, (n,).
-            view: how far the way along each path is seen, m, (n, paths), as of `bearing`.
+            wish: where it is to go.
+            sight: what is known of the way ahead.
             back: way that is still to go backwards, m, (n,).
-            lost: whether the way is looked for; else a command is replaced, (n,).
         """
-        paths, (strict, hard, soft, least) = self._space.paths, self._space.free(x, y)
+        strict, hard, soft, least = self._space.free(x, y)
         close = np.where(self._ahead, hard, 0.0).max(axis=1) < self.STUCK
         hard = np.where(close[:, None], least, hard)
         can = self._possible(motion)
-        apart = np.where(lost, self.APART, self.NEARBY)[:, None] * np.abs(paths.first - wanted[:, None])
-        ends = np.where(side[:, None] != 0.0, np.abs(wrapped(heading[:, None] + self._turned)), 0.0)
-        apart += self.LOSES * np.maximum(ends - self.BACKWARDS, 0.0)
-        value = (
-            soft
-            + 0.3 * hard
-            - apart
-            + np.where(lost, self.VIEW, 0.0)[:, None] * np.minimum(view, self.FARTHEST_VIEW)
-            + 0.1 * side[:, None] * paths.turn
-        )
-        rows = np.arange(len(wanted))
-        needed = (self._stopping(motion.speed) + np.maximum(motion.speed, 0.0) * self._step)[:, None]
-        value = np.where(strict >= needed, 20.0 + value, np.where(hard >= needed, 10.0 + value, hard - apart))
+        value = self._value(strict, hard, soft, motion, wish, sight)
+        rows = np.arange(len(wish.curvature))
         best = np.where(can & self._ahead, value, -np.inf).argmax(axis=1)
         # Before what it does not see the car can always stop.
-        free = np.minimum(hard[rows, best], heard + self.STUCK - self.TOUCHING)
+        free = np.minimum(hard[rows, best], sight.heard + self.STUCK - self.TOUCHING)
         freer = self._freer_side(soft)
         stuck = (free < self.STUCK) & (np.abs(motion.speed) < 0.1)
-        gap = hard - 0.3 * np.abs(paths.first + freer[:, None]) - self.LOSES * np.maximum(ends - self.BACKWARDS, 0.0)
+        first = self._space.paths.first
+        gap = hard - 0.3 * np.abs(first + freer[:, None]) - self._leads_back(wish)
         behind = np.where(can & ~self._ahead, gap, -np.inf).argmax(axis=1)
         room = hard[rows, behind]
         back = np.where(stuck & (back <= 0.0), self.BACK, back)
@@ -181,14 +183,34 @@ class FreeDrive:
         reverse = back > 0.0
         several = np.sort(np.where(can & self._ahead, strict, 0.0), axis=1)[:, -self.SEVERAL]
         sure = np.maximum(np.minimum(strict[rows, best], several), np.minimum(free, 0.2))
-        sure = np.minimum(sure, heard + self.RESERVE - self.TOUCHING)
+        sure = np.minimum(sure, sight.heard + self.RESERVE - self.TOUCHING)
         fast = np.sqrt(2.0 * self.BRAKE * np.maximum(sure - self.RESERVE, 0.0))
         fast = np.where(free > self.STUCK, np.maximum(fast, self.LEAST), 0.0)
         speed = np.where(
             reverse, -np.minimum(self.BACKWARD, np.sqrt(2.0 * room * 0.5)), np.minimum(fast, self._fastest)
         )
-        curvature = np.where(reverse, paths.first[behind], paths.first[best])
-        return Choice(curvature, speed, back, free)
+        return Choice(np.where(reverse, first[behind], first[best]), speed, back, free)
+
+    def _leads_back(self, wish: Wish) -> Floats:
+        """Return what paths lose that lead back, m, (n, paths)."""
+        known = wish.side[:, None] != 0.0
+        ends = np.where(known, np.abs(wrapped(wish.heading[:, None] + self._turned)), 0.0)
+        return self.LOSES * np.maximum(ends - self.BACKWARDS, 0.0)
+
+    def _value(self, strict: Floats, hard: Floats, soft: Floats, motion: Motion, wish: Wish, sight: Sight) -> Floats:
+        """Return what each path is worth, (n, paths): first whether the car can stop on it, then how it leads on."""
+        paths, searching = self._space.paths, wish.lost[:, None]
+        apart = np.where(searching, self.APART, self.NEARBY) * np.abs(paths.first - wish.curvature[:, None])
+        apart += self._leads_back(wish)
+        value = (
+            soft
+            + 0.3 * hard
+            - apart
+            + np.where(searching, self.VIEW, 0.0) * np.minimum(sight.along, self.FARTHEST_VIEW)
+            + 0.1 * wish.side[:, None] * paths.turn
+        )
+        needed = (self._stopping(motion.speed) + np.maximum(motion.speed, 0.0) * self._step)[:, None]
+        return np.where(strict >= needed, 20.0 + value, np.where(hard >= needed, 10.0 + value, hard - apart))
 
     def _possible(self, motion: Motion) -> NDArray[np.bool_]:
         """Return which paths begin with a curvature that the car can drive, (n, paths)."""

@@ -51,6 +51,20 @@ class Grip(NamedTuple):
     lead: float | Floats = np.inf
 
 
+class Lead(NamedTuple):
+    """Of the car ahead, (n,) each.
+
+    Attributes:
+        gap: to it, m, inf for none.
+        change: of the gap, its speed minus ours, m/s; anything where there is none.
+        pull: its acceleration, m/s².
+    """
+
+    gap: Floats
+    change: Floats
+    pull: float | Floats = 0.0
+
+
 class SetPosition(NamedTuple):
     """Of the set position, (n,) each.
 
@@ -199,7 +213,7 @@ def emergency_law(
 
     Even braking that ends at the car ahead's speed `CLEAR` behind it, where it brakes at its place of rest, or at the
     point; what is driven until the brake acts is no way to brake on. inf where comfort's limit, and a part of the grip,
-    does. Arguments are those of `LongitudinalControl.step`.
+    does. Arguments as in the laws above; ``lead_pull`` is the acceleration of the car ahead, m/s².
     """
     lead = np.isfinite(gap)
     closing, ahead = np.where(lead, np.maximum(-gap_change, 0.0), 0.0), np.where(lead, gap - CLEAR, np.inf)
@@ -235,24 +249,23 @@ class LongitudinalControl:
         self,
         v: Floats,
         wanted: Floats,
-        gap: Floats,
-        gap_change: Floats,
+        lead: Lead,
         distance: Floats,
         memory: Floats,
         fresh: NDArray[np.bool_] | bool,
         grip: Grip = UNKNOWN,
-        lead_pull: float | Floats = 0.0,
         position: SetPosition | None = None,
     ) -> tuple[Floats, Floats]:
         """Return the acceleration, m/s², (n,), and the next memory, (n, 2).
 
-        Arguments as in the laws above; ``lead_pull`` is the acceleration of the car ahead, m/s².
+        Arguments as in the laws above.
         """
         tuning = self.tuning
         stop, following = self._stop.step(v, distance, memory, fresh)
-        others = np.minimum(gap_law(tuning, v, gap, gap_change, grip), stop)
+        others = np.minimum(gap_law(tuning, v, lead.gap, lead.change, grip), stop)
         asked = override(tuning, speed_law(tuning, v, wanted), others)
         if position is not None:
             tracks = np.maximum(np.minimum(position_law(tuning, v, position), others), tuning.emergency)
             asked = np.where(np.isfinite(position.gap), tracks, asked)
-        return np.minimum(asked, emergency_law(tuning, v, gap, gap_change, distance, grip, lead_pull)), following
+        needed = emergency_law(tuning, v, lead.gap, lead.change, distance, grip, lead.pull)
+        return np.minimum(asked, needed), following

@@ -12,7 +12,7 @@ from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.werling import GripScenario, WerlingLateral, WerlingLateralAhead
 from lanekeep_baselines.werling_drive import AccelerationIntegrator, EngineMap, split_range
 from lanekeep_baselines.werling_lateral import SMALLEST
-from lanekeep_baselines.werling_longitudinal import Grip, LongitudinalControl, LongitudinalTuning, SetPosition
+from lanekeep_baselines.werling_longitudinal import Grip, Lead, LongitudinalControl, LongitudinalTuning, SetPosition
 from lanekeep_baselines.werling_tyres import WerlingCar
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.physics.powertrain_parameters import Powertrain
@@ -174,9 +174,8 @@ class WerlingDrive(WerlingLateralAhead):
         grip = Grip(np.maximum(np.minimum(most, self._train.brake) + pushed, LEFT * self._grip), self._grip)
         change = (at["lead_speed"] - ahead) / self._step
         pull = np.where(fresh | (np.abs(change) > ANOTHER), 0.0, change)
-        wanted, laws = self._laws.step(
-            v, set_speed, gap, at["lead_speed"] - v, stop, memory[:, :split], fresh, grip, pull, self._position(at)
-        )
+        lead = Lead(gap, at["lead_speed"] - v, pull)
+        wanted, laws = self._laws.step(v, set_speed, lead, stop, memory[:, :split], fresh, grip, self._position(at))
         asked = self._integrator.asked(wanted, state, fresh)
         gear = np.clip(np.rint(at["gear"]), -1, len(self._train.gears) - 1).astype(np.intp)
         # What the pedals of the steps before give by now; the rest of what is measured is slope and wind.

@@ -29,6 +29,7 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
+# Nine parameters, for each is a keyword of users' own, as the options of `lanekeep bench` are.
 def benchmark(
     suite: str | Suite = "classical",
     policies: Sequence[Any] | None = None,

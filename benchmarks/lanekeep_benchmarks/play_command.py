@@ -44,7 +44,6 @@ def play_command(
     Example: lanekeep play --run results/my_run --scenario nominal --policy stanley --episode 17
     """
     from lanekeep_benchmarks import play as playing
-    from lanekeep_benchmarks.replay import find_line
 
     with interruptible(""), input_errors():
         if human and gif is not None:
@@ -53,20 +52,13 @@ def play_command(
             _check_display()
         if (run is None) != (episode is None):
             raise ValueError("--run and --episode go together: a results folder, and the number of an episode in it")
-        if run is not None and episode is not None:
-            fresh = {"ENV": env_id, "--road": road, "--world": world, "--seed": seed}
-            if idle := [name for name, given in fresh.items() if given is not None]:
-                raise ValueError(f"--run drives an episode of that run as it was; leave {' and '.join(idle)} out")
-            found = find_line(run, episode, scenario, policy)
-            drive = playing.Drive.of_line(found)
-            name = f"{found.line.scenario}-{_in_a_path(found.policy.name)}-episode{episode}"
-        else:
-            if scenario is not None:
-                raise ValueError(f"--scenario {shown(scenario)} has no effect without --run")
-            seed = seed or 0
-            drive = _fresh(env_id or "LaneKeep-v0", policy, road, world, seed)
-            place = "".join(f"-{Path(given).stem}" for given in (road, world) if given is not None)
-            name = f"{drive.env_id.rpartition('/')[2]}{place}-{_in_a_path(drive.policy.name)}-seed{seed}"
+        drive, name = (
+            _fresh(env_id, policy, road, world, seed, scenario)
+            if run is None or episode is None
+            else _again(
+                run, episode, scenario, policy, {"ENV": env_id, "--road": road, "--world": world, "--seed": seed}
+            )
+        )
         file = gif or Path("results") / f"{name}.gif"
         if file.suffix.lower() != ".gif":
             raise ValueError(f"--gif {file} must end in .gif")
@@ -87,10 +79,26 @@ def play_command(
     )
 
 
-def _fresh(env_id: str, policy: str | None, road: str | None, world: str | None, seed: int) -> Any:
-    """Return the drive of an episode of an environment, on a road or in a world of the user's choice."""
+def _again(run: Path, episode: int, scenario: str | None, policy: str | None, fresh: dict[str, Any]) -> tuple[Any, str]:
+    """Return the drive of an episode of a results folder, and its name; ``fresh`` are options of others, by name."""
+    from lanekeep_benchmarks import play as playing
+    from lanekeep_benchmarks.replay import find_line
+
+    if idle := [name for name, given in fresh.items() if given is not None]:
+        raise ValueError(f"--run drives an episode of that run as it was; leave {' and '.join(idle)} out")
+    found = find_line(run, episode, scenario, policy)
+    return playing.Drive.of_line(found), f"{found.line.scenario}-{_in_a_path(found.policy.name)}-episode{episode}"
+
+
+def _fresh(
+    env_id: str | None, policy: str | None, road: str | None, world: str | None, seed: int | None, scenario: str | None
+) -> tuple[Any, str]:
+    """Return the drive of an episode of an environment, on a road or in a world of the user's choice, and its name."""
     from lanekeep_benchmarks import play as playing
 
+    if scenario is not None:
+        raise ValueError(f"--scenario {shown(scenario)} has no effect without --run")
+    env_id, seed = env_id or "LaneKeep-v0", seed or 0
     if "/" not in env_id:
         env_id = f"lanekeep/{env_id}"
     choose("ENV", env_id, lanekeep_env.ENVIRONMENTS)
@@ -102,7 +110,9 @@ def _fresh(env_id: str, policy: str | None, road: str | None, world: str | None,
     keywords: dict[str, Any] = {} if road is None else {"road": road_from(road)}
     if world is not None:
         keywords["world"] = world_from(world)
-    return playing.Drive.fresh(env_id, entry or entry_of(playing.preferred(env_id, **keywords)), seed, keywords)
+    drive = playing.Drive.fresh(env_id, entry or entry_of(playing.preferred(env_id, **keywords)), seed, keywords)
+    place = "".join(f"-{Path(given).stem}" for given in (road, world) if given is not None)
+    return drive, f"{drive.env_id.rpartition('/')[2]}{place}-{_in_a_path(drive.policy.name)}-seed{seed}"
 
 
 def _check_display() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lanekeep_baselines.free_drive import FreeDrive, Motion
+from lanekeep_baselines.free_drive import FreeDrive, Motion, Sight, Wish
 from lanekeep_baselines.free_space import Body, FreeSpace
 from lanekeep_baselines.local_map import LocalMap
 from lanekeep_baselines.scan_features import ScanReader
@@ -24,8 +24,8 @@ def choose(side: float, heading: float, heard: float = np.inf, wanted: float = 0
     motion = Motion(speed * one, 0.0 * one, -TIGHTEST * one, TIGHTEST * one)
     far = np.full((1, 1), 1e3)
     view = np.full((1, len(DRIVE.bearing)), 4.0)
-    lost = np.array([True])
-    choice = DRIVE.choose(far, far, motion, wanted * one, side * one, heading * one, heard * one, view, 0.0 * one, lost)
+    wish = Wish(wanted * one, side * one, heading * one, np.array([True]))
+    choice = DRIVE.choose(far, far, motion, wish, Sight(heard * one, view), 0.0 * one)
     return choice.curvature[0], choice.speed[0], choice.back[0]
 
 

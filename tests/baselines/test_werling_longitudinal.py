@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lanekeep_baselines.werling_longitudinal import (
+    Lead,
     LongitudinalControl,
     LongitudinalTuning,
     StopLaw,
@@ -62,8 +63,8 @@ def figure_10(step: float = 0.02) -> Run:
         if i == round(37.0 / step):
             stop = car.s + 30.0
         wanted = 10.0 if t >= 4.0 - 1e-9 else 0.0
-        values = (car.v, wanted, lead - car.s, 7.5 - car.v, stop - car.s)
-        asked, memory = control.step(*(np.array([x]) for x in values), memory, i == 0)
+        v, target, gap, change, distance = np.array([car.v, wanted, lead - car.s, 7.5 - car.v, stop - car.s])[:, None]
+        asked, memory = control.step(v, target, Lead(gap, change), distance, memory, i == 0)
         rows.append((t, car.v, car.s, car.a, asked[0], lead - car.s, stop - car.s))
         car.advance(asked[0])
         lead += 7.5 * step

@@ -188,29 +188,30 @@ def figure_10(found: Replication) -> None:
         found.rows.append(Row(quantity, where, published, float(reproduced), unit, digits))
     found.pictures["figure_10.png"] = plots.figure_10(driven, mean, float(time[takeover]), laws)
     found.tables.append(
-        Table(
-            f"Figure 10: what the article says without a number (jerk: of the acceleration's mean over {SMOOTH:g} s)",
-            ("statement", "here"),
-            (
-                ("a_max = 1 m/s² is reached", f"largest acceleration {mean[time < time[takeover]].max():.2f} m/s²"),
-                (
-                    "taken over without a bump",
-                    f"wanted acceleration changes by {np.abs(np.diff(asked))[takeover - 1]:.3f} m/s² in that step",
-                ),
-                ("three shifts on the way", f"at {', '.join(f'{t:.1f}' for t in up)} s"),
-                (
-                    "deceleration nearly constant",
-                    f"{mean[braking].min():.2f} to {mean[braking].max():.2f} m/s² from 38 to 41 s",
-                ),
-                (
-                    "no jerk at the end",
-                    f"at most {jerk[ending].max():.2f} m/s³ in the last 3 s, with a holding brake below"
-                    f" {100.0 * WerlingDrive.stands[0]:.0f} cm/s; {jerk[before].max():.2f} before, as it shifts down",
-                ),
-                ("stays", f"stop point {100.0 * stop[-1]:.1f} cm ahead after 50 s"),
-            ),
+        _without_numbers(
+            f"largest acceleration {mean[time < time[takeover]].max():.2f} m/s²",
+            f"wanted acceleration changes by {np.abs(np.diff(asked))[takeover - 1]:.3f} m/s² in that step",
+            f"at {', '.join(f'{t:.1f}' for t in up)} s",
+            f"{mean[braking].min():.2f} to {mean[braking].max():.2f} m/s² from 38 to 41 s",
+            f"at most {jerk[ending].max():.2f} m/s³ in the last 3 s, with a holding brake below"
+            f" {100.0 * WerlingDrive.stands[0]:.0f} cm/s; {jerk[before].max():.2f} before, as it shifts down",
+            f"stop point {100.0 * stop[-1]:.1f} cm ahead after 50 s",
         )
     )
+
+
+def _without_numbers(*here: str) -> Table:
+    """Return the table of Figure 10's statements, with what stands for each here."""
+    statements = (
+        "a_max = 1 m/s² is reached",
+        "taken over without a bump",
+        "three shifts on the way",
+        "deceleration nearly constant",
+        "no jerk at the end",
+        "stays",
+    )
+    title = f"Figure 10: what the article says without a number (jerk: of the acceleration's mean over {SMOOTH:g} s)"
+    return Table(title, ("statement", "here"), tuple(zip(statements, here, strict=True)))
 
 
 def low_speed(found: Replication) -> None:
