@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, require, shown
+from lanekeep_env.sensing.ultrasonic import ULTRASONICS
 
 
 @dataclass(frozen=True)
@@ -123,16 +124,12 @@ _ULTRASONIC = Sensor(noise=0.01, resolution=0.001)
 _POOR_ULTRASONIC = Sensor(noise=0.02, resolution=0.001, period=0.09, dropout=0.05)
 WALL_SENSOR_SETS: dict[str, dict[str, Sensor]] = {
     "production": {
-        "distance_right": _ULTRASONIC,
-        "distance_left": _ULTRASONIC,
-        "distance_front": _ULTRASONIC,
+        **{f"distance_{side}": _ULTRASONIC for side in ULTRASONICS},
         "yaw_rate": Sensor(noise=0.02, bias=0.05),
         "steering_angle": Sensor(noise=0.003),
     },
     "poor": {
-        "distance_right": _POOR_ULTRASONIC,
-        "distance_left": _POOR_ULTRASONIC,
-        "distance_front": _POOR_ULTRASONIC,
+        **{f"distance_{side}": _POOR_ULTRASONIC for side in ULTRASONICS},
         "yaw_rate": Sensor(noise=0.05, bias=0.1),
         "speed": Sensor(noise=0.03),
         "steering_angle": Sensor(noise=0.01, bias=0.01),
