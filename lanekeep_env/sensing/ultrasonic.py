@@ -17,9 +17,9 @@ TANGENT = 0.41421356237309503
 #: Its sensors by name: row of the distance, row of the settings that says how far ahead it sits, and the cosine and
 #: sine of its angle to the car's axis.
 ULTRASONICS = {
-    "right": (at.RIGHT, at.SIDE_ARM, 0, -1),
-    "left": (at.LEFT, at.SIDE_ARM, 0, 1),
-    "front": (at.FRONT, at.FRONT_ARM, 1, 0),
+    "right": (at.RIGHT, at.SIDE_ARM, 0.0, -1.0),
+    "left": (at.LEFT, at.SIDE_ARM, 0.0, 1.0),
+    "front": (at.FRONT, at.FRONT_ARM, 1.0, 0.0),
 }
 
 
