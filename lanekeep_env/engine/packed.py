@@ -21,7 +21,7 @@ from numba.np.arrayobj import make_array, populate_array
 class PackedType(types.Type):
     """Type of what is packed: a tuple's."""
 
-    def __init__(self, parts: types.BaseTuple) -> None:
+    def __init__(self, parts: Any) -> None:
         self.parts = parts
         super().__init__(name=f"packed{parts}")
 
@@ -41,9 +41,9 @@ class Packed:
         It is called with the handle and the others, and looks at no types: arrays have to be without gaps.
         """
         if numba.config.DISABLE_JIT:
-            return kernel  # type: ignore[no-any-return]
+            return kernel
         kinds = (PackedType(numba.typeof(self.parts)), *map(numba.typeof, others))
-        return kernel.compile(kinds)  # type: ignore[no-any-return]
+        return kernel.compile(kinds)
 
 
 def _words(part: Any) -> Iterator[int]:
@@ -56,7 +56,7 @@ def _words(part: Any) -> Iterator[int]:
             raise ValueError(f"an array of shape {part.shape} has gaps")
         yield from (part.ctypes.data, *part.shape)
     elif part is not None:
-        yield np.float64(part).view(np.int64)
+        yield int(np.float64(part).view(np.int64))
 
 
 def unpack(packed: Packed) -> tuple[Any, ...]:
