@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium.utils import seeding
 
 from lanekeep_env import layout as at
+from lanekeep_env.engine.packed import Packed
 from lanekeep_env.engine.reset_options import DRAWN, bounds, split, start_rows
 from lanekeep_env.engine.step import Family, reset_kernel, step_kernels
 from lanekeep_env.sensing.measure import TRUTH
@@ -17,7 +19,7 @@ from lanekeep_env.sensing.measure import TRUTH
 BLOCK = 256
 
 #: What `_bind` fetches.
-_NOT_KEPT = ("ground", "index", "equipment", "step", "step_parallel", "_reset")
+_NOT_KEPT = ("ground", "index", "equipment", "packed", "step", "step_parallel", "_reset")
 
 
 class Cars:
@@ -39,13 +41,10 @@ class Cars:
     #: Arrays that change while the cars drive.
     moving: tuple[str, ...] = ("cars", "counters", "ranges")
 
-    # What `_bind` fetches, and no pickle keeps: tables and what the scenario has, and the kernels.
+    # What `_bind` fetches, and no pickle keeps: tables and what the scenario has.
     ground: Any
     index: np.ndarray
     equipment: tuple[Any, ...]
-    step: Callable[..., None]
-    step_parallel: Callable[..., None]
-    _reset: Callable[..., None]
 
     def __init__(
         self,
@@ -72,16 +71,40 @@ class Cars:
         self.cars[:, self.empty_row] = np.inf  # cars that fill up the last block stand still
         self.cars[:, at.CAR : at.CAR + at.CAR_SIZE] = 1.0
         self.counters = np.zeros((at.COUNTER_ROWS, num_cars), dtype=np.int64)
+        self.action = np.zeros(num_cars * self.num_actions, dtype=np.float32)
+        self.observation = np.zeros((num_cars, self.num_channels), dtype=np.float32)
+        rows = self.outcome_rows
+        self._outcome_shape = (2 * rows + self.num_channels if autoreset == at.SAME_STEP else rows), num_cars
         self._free_start = np.full((at.START_ROWS, num_cars), np.nan)
         self.seeded = False
 
     def _bind(self) -> None:
-        """Fetch what is not kept in a pickle: tables (large, constant) and compiled functions."""
+        """Fetch what is not kept in a pickle: tables (large, constant)."""
         raise NotImplementedError
 
-    def _bind_kernels(self) -> None:
-        self.step, self.step_parallel = step_kernels(self.scenario.model, self.family, self.num_actions)
-        self._reset = reset_kernel(self.family)
+    @cached_property
+    def packed(self) -> Packed:
+        """What kernels are given beside the outcome."""
+        return Packed(*self.state, self.action, self.observation)
+
+    @cached_property
+    def step(self) -> Callable[..., None]:
+        """The kernel of a control step, compiled: (packed.handle, first block, the one behind the last, outcome)."""
+        return self._stepper(0)
+
+    @cached_property
+    def step_parallel(self) -> Callable[..., None]:
+        """The same on several threads."""
+        return self._stepper(1)
+
+    def _stepper(self, which: int) -> Callable[..., None]:
+        kernel = step_kernels(self.scenario.model, self.family, self.num_actions)[which]
+        return self.packed.entry(kernel, 0, len(self.cars), self.new_outcome())
+
+    @cached_property
+    def _reset(self) -> Callable[..., None]:
+        example = np.ones(self.num_cars, dtype=np.bool_), self._free_start, self.new_outcome()
+        return self.packed.entry(reset_kernel(self.family), *example)
 
     def _settings(self) -> np.ndarray:
         gathered = self.scenario.gathered(perfect=self.sensors is None)
@@ -114,14 +137,16 @@ class Cars:
         """Rows of the outcome that a step writes."""
         return self.family.outcome_rows
 
+    def new_outcome(self) -> np.ndarray:
+        """Return an array for what a step tells beside the observation, (rows, n); nothing is written yet."""
+        return np.empty(self._outcome_shape, dtype=self.dtype)
+
     @property
     def state(self) -> tuple[Any, ...]:
-        """The kernel's arguments between the blocks and the action."""
+        """The arrays of the cars and what is around them, as kernels take them."""
         return self.cars, self.counters, self.ground, self.index, self.settings, self.equipment
 
-    def reset(
-        self, options: dict[str, Any] | None, mask: np.ndarray, observation: np.ndarray, outcome: np.ndarray
-    ) -> None:
+    def reset(self, options: dict[str, Any] | None, mask: np.ndarray, outcome: np.ndarray) -> None:
         """Start the next episode of the cars in ``mask`` (bool, (n,)), writing their observations and truth."""
         start = self._free_start
         if options is not None and options != {}:
@@ -130,7 +155,7 @@ class Cars:
             self._check_place(start)
             if drawn:
                 self.ranges[:] = bounds(drawn, self.scenario, self.ranges)
-        self._reset(mask, start, *self.state, observation, outcome)
+        self._reset(self.packed.handle, mask, start, outcome)
 
     def narrow(self, options: dict[str, Any]) -> None:
         """Keep those reset options that bound what episodes draw, for each car's next one on."""

@@ -119,26 +119,3 @@ class AmongTraffic(Driving):
 
 class PoweredEnv(Driving, SingleEnv):
     """One car with pedals; subclasses name the task's scenario, and are its page of documentation."""
-
-    def _info(self, told: list[float]) -> dict[str, Any]:
-        # As `SingleEnv` has it, written out: a loop over `further` costs 4 % of a step.
-        return {
-            "lateral_error": told[at.O_LATERAL_ERROR],
-            "heading_error": told[at.O_HEADING_ERROR],
-            "lateral_acceleration": told[at.O_LATERAL_ACCELERATION],
-            "steering_rate": told[at.O_STEERING_RATE],
-            "speed": told[at.O_SPEED],
-            "arc_length": told[at.O_ARC_LENGTH],
-            "cost": told[at.O_COST],
-            "is_success": told[at.O_SUCCESS] > 0.0,
-            "termination": int(told[at.O_TERMINATED]),
-            "gap": told[at.O_GAP],
-            "time_to_collision": told[at.O_TIME_TO_COLLISION],
-            "stop_error": told[at.O_STOP_ERROR],
-            "speed_error": told[at.O_SPEED_ERROR],
-            "jerk": told[at.O_JERK],
-            "contact": told[at.O_CONTACT],
-            "avoidable_contact": told[at.O_AVOIDABLE_CONTACT],
-            "overrun": told[at.O_OVERRUN],
-            "avoidable_overrun": told[at.O_AVOIDABLE_OVERRUN],
-        }

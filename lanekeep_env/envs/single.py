@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -11,15 +12,28 @@ from gymnasium.spaces import Box
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
-from lanekeep_env.envs.skin import RENDER_MODES, Skin, check_modes, observation_space, seed_from
+from lanekeep_env.envs.skin import RENDER_MODES, TRUTH, Skin, check_modes, observation_space, seed_from
 from lanekeep_env.rendering.window import Window
 
 #: Views, which would come back from a pickle as copies, and the kernel.
-_NOT_KEPT = ("_seen", "_truth", "_arguments", "_step")
+_NOT_KEPT = ("_action", "_seen", "_truth", "_arguments", "_step")
 
 
 def _never_reset(*_: Any) -> None:
     raise gym.error.ResetNeeded("call reset() before step()")
+
+
+@functools.cache
+def info_reader(further: tuple[tuple[str, int], ...]) -> Callable[[list[float]], dict[str, Any]]:
+    """Return a function that makes the info of an outcome, which names ``further`` rows beside the usual ones.
+
+    It is one written-out dictionary: a loop over the rows takes as long as the car's step.
+    """
+    entries = [f"{name!r}: told[{row}]" for name, row in TRUTH]
+    entries += [f"'is_success': told[{at.O_SUCCESS}] > 0.0", f"'termination': int(told[{at.O_TERMINATED}])"]
+    entries += [f"{name!r}: told[{row}]" for name, row in further]
+    reader: Callable[[list[float]], dict[str, Any]] = eval(f"lambda told: {{{', '.join(entries)}}}")
+    return reader
 
 
 #: The one car, as a mask.
@@ -33,6 +47,12 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
     #: The kernel and its arguments, once there is an episode to go on with.
     _step: Callable[..., None] = staticmethod(_never_reset)
     _arguments: tuple[Any, ...] = ()
+    #: Makes the info of an outcome.
+    _info: Callable[[list[float]], dict[str, Any]]
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        cls._info = staticmethod(info_reader(cls.further))
 
     def __init__(self, *, render_mode: str | None = None, dtype: str = "float64", **scenario: Any) -> None:
         check_modes(render_mode, dtype)
@@ -46,8 +66,6 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
         self._core = self.make_cars(self.scenario, 1, dtype)
         self._shape = (self._core.num_actions,)
         self.action_space = Box(-1.0, 1.0, self._shape, dtype=np.float32)
-        self._action = np.zeros(self._shape, dtype=np.float32)
-        self._observation = np.zeros((1, self._core.num_channels), dtype=np.float32)
         self._outcome = np.zeros((self._core.outcome_rows, 1), dtype=dtype)
         self._bind()
 
@@ -65,7 +83,7 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
         if seed is not None or not core.seeded:
             core.set_key(0, self.np_random)
             core.seeded = True
-        core.reset(options, _ONE, self._observation, self._outcome)
+        core.reset(options, _ONE, self._outcome)
         if not self._arguments:
             self._bind()
         if self._picture is not None:
@@ -77,9 +95,9 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
     def _bind(self) -> None:
         """Keep views and the kernel's arguments at hand: making them at each step costs a third of its time."""
         core = self._core
-        self._seen, self._truth = self._observation[0], self._outcome[:, 0]
+        self._action, self._seen, self._truth = core.action, core.observation[0], self._outcome[:, 0]
         if core.seeded:
-            self._arguments = (0, 1, *core.state, self._action, self._observation, self._outcome)
+            self._arguments = core.packed.handle, 0, 1, self._outcome
             self._step = core.step
 
     def __getstate__(self) -> dict[str, Any]:
@@ -110,7 +128,7 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
             if self._shape == (1,):
                 self._action[0] = value = float(given.item())
             else:
-                self._action[:] = given
+                self._action[...] = given
                 first, second = self._action.tolist()
                 value = first if first != first else second  # a NaN, if there is one; a sum of infinities is one too
         except (TypeError, ValueError):
@@ -145,19 +163,3 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
         if self._window is not None:
             self._window.close()
             self._window = None
-
-    def _info(self, told: list[float]) -> dict[str, Any]:
-        info = {
-            "lateral_error": told[at.O_LATERAL_ERROR],
-            "heading_error": told[at.O_HEADING_ERROR],
-            "lateral_acceleration": told[at.O_LATERAL_ACCELERATION],
-            "steering_rate": told[at.O_STEERING_RATE],
-            "speed": told[at.O_SPEED],
-            "arc_length": told[at.O_ARC_LENGTH],
-            "cost": told[at.O_COST],
-            "is_success": told[at.O_SUCCESS] > 0.0,
-            "termination": int(told[at.O_TERMINATED]),
-        }
-        for name, row in self.further:
-            info[name] = told[row]
-        return info

@@ -13,6 +13,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 
+from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, shown
 from lanekeep_env.engine.reset_options import page_section
 from lanekeep_env.plain import json_able
@@ -21,6 +22,16 @@ from lanekeep_env.scenario.car import CarScenario
 
 PRECISIONS = ("float64", "float32")
 RENDER_MODES = ("human", "rgb_array")
+#: Truth in the infos of every family: its name and its row in the outcome.
+TRUTH = (
+    ("lateral_error", at.O_LATERAL_ERROR),
+    ("heading_error", at.O_HEADING_ERROR),
+    ("lateral_acceleration", at.O_LATERAL_ACCELERATION),
+    ("steering_rate", at.O_STEERING_RATE),
+    ("speed", at.O_SPEED),
+    ("arc_length", at.O_ARC_LENGTH),
+    ("cost", at.O_COST),
+)
 #: Section of an environment's page that the options of ``reset`` stand before.
 _BEFORE = "## Episode End"
 

@@ -15,7 +15,7 @@ from gymnasium.vector.utils import batch_space
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require, shown
 from lanekeep_env.envs.single import SingleEnv
-from lanekeep_env.envs.skin import Skin, check_modes, observation_space, seed_from
+from lanekeep_env.envs.skin import TRUTH, Skin, check_modes, observation_space, seed_from
 
 _AUTORESET = {
     "next_step": (at.NEXT_STEP, AutoresetMode.NEXT_STEP),
@@ -25,16 +25,6 @@ _AUTORESET = {
 #: Cars of one environment: what they take is within a few GB.
 MOST_CARS = 1_000_000
 _OWN_KEYWORDS = ("max_episode_steps", "autoreset_mode", "dtype", "num_threads", "render_mode")
-#: Truth in the infos of every family: its name and its row in the outcome.
-_TRUTH = (
-    ("lateral_error", at.O_LATERAL_ERROR),
-    ("heading_error", at.O_HEADING_ERROR),
-    ("lateral_acceleration", at.O_LATERAL_ACCELERATION),
-    ("steering_rate", at.O_STEERING_RATE),
-    ("speed", at.O_SPEED),
-    ("arc_length", at.O_ARC_LENGTH),
-    ("cost", at.O_COST),
-)
 
 
 class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -86,10 +76,8 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.single_action_space = Box(-1.0, 1.0, (self._core.num_actions,), dtype=np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        # What the cars that a masked reset leaves alone showed last.
-        self._last = np.zeros((num_envs, self._core.num_channels), dtype=np.float32)
         #: Truth in the infos by name, and its row in the outcome.
-        self.truth: dict[str, int] = dict((*_TRUTH, *self.further))
+        self.truth: dict[str, int] = dict((*TRUTH, *self.further))
         self._masks = tuple(f"_{name}" for name in (*self.truth, "is_success", "termination"))
         self._threads = num_threads
         self._same_step = code == at.SAME_STEP
@@ -120,9 +108,10 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 raise ValueError(f"seed has {len(seeds)} entries; it must be one number or {self.num_envs} of them")
         if seed is not None or not core.seeded:
             core.seed([s if chosen else None for s, chosen in zip(seeds, mask, strict=True)])
-        outcome = np.zeros((core.outcome_rows, self.num_envs), dtype=core.dtype)  # of the others it tells nothing
-        core.reset(options, mask, self._last, outcome)
-        return self._last.copy(), self._infos(outcome, mask)
+        outcome = core.new_outcome()
+        outcome[:] = 0.0  # of the others it tells nothing
+        core.reset(options, mask, outcome)
+        return core.observation.copy(), self._infos(outcome, mask)
 
     def _mask(self, mask: np.ndarray | None) -> np.ndarray:
         if mask is None:
@@ -133,7 +122,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             )
         if not mask.any():
             raise ValueError("options['reset_mask'] must select at least one car")
-        return mask
+        return np.ascontiguousarray(mask)
 
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance every car by one control step; actions (n, number of actions) in [-1, 1]."""
@@ -148,10 +137,9 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         wrong = np.isnan(given)
         if wrong.any():
             given = self._without_ignored(given, wrong)
-        n, channels, observation = self.num_envs, core.num_channels, self._last
-        rows = 2 * core.outcome_rows + channels if self._same_step else core.outcome_rows
-        outcome = np.empty((rows, n), dtype=core.dtype)
-        arguments = (0, len(core.cars), *core.state, given, observation, outcome)
+        core.action[:] = given
+        outcome = core.new_outcome()
+        arguments = core.packed.handle, 0, len(core.cars), outcome
         if self._threads == 1:
             core.step(*arguments)
         else:
@@ -161,10 +149,10 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         truncated = outcome[at.O_TRUNCATED] > 0.0
         infos = self._infos(outcome, self._everyone)
         if self._same_step:
-            infos["termination"] = np.zeros(n, dtype=np.int64)  # of the episodes that just began
+            infos["termination"] = np.zeros(self.num_envs, dtype=np.int64)  # of the episodes that just began
             self._add_final(infos, outcome, terminated | truncated)
         # What is handed out is the caller's, who may write to it.
-        return observation.copy(), outcome[at.O_REWARD], terminated, truncated, infos
+        return core.observation.copy(), outcome[at.O_REWARD], terminated, truncated, infos
 
     def get_state(self) -> dict[str, np.ndarray]:
         """Return copies of all that changes while the cars drive; `set_state` goes on from there, to the last bit.

@@ -80,14 +80,13 @@ class RoadCars(Cars):
         self._bind()
 
     def _bind(self) -> None:
-        """Fetch what is not kept in a pickle: road tables (large, constant) and compiled functions."""
+        """Fetch what is not kept in a pickle: road tables (large, constant)."""
         s = self.scenario
         self.ground, self.index = road_tables(
             s.road, s.speed, s.road.fingerprint(), s.episode_steps * s.control_step, self.dtype
         )
         # Flat: numba cannot hand a tuple of tuples to several threads.
         self.equipment = self.sensors, self._gear(), s.integration.lowered_floor, self._camera(), *self._drive()
-        self._bind_kernels()
 
     def _drive(self) -> tuple[np.ndarray | None, ...]:
         """Numbers of the powertrain and the timelines, None without a powertrain."""

@@ -84,7 +84,7 @@ class WallCars(Cars):
         self._bind()
 
     def _bind(self) -> None:
-        """Fetch what is not kept in a pickle: tables (large, constant), scratch arrays and compiled functions."""
+        """Fetch what is not kept in a pickle: tables (large, constant) and scratch arrays."""
         s = self.scenario
         walls, index, line, starts = world_tables(s.world, s.world.fingerprint(), self.dtype)
         farthest = float(np.abs(walls).max())
@@ -101,7 +101,6 @@ class WallCars(Cars):
         self.ground, self.index = (walls, line, starts, scratch), index
         floor, servo = s.integration.lowered_floor, s.servo.table(s.largest_angle)
         self.equipment = self._equip(self.sensors, self._gear(), floor, servo, *self._scan(scratch))
-        self._bind_kernels()
 
     def _equip(self, *parts: np.ndarray | None) -> tuple[np.ndarray | None, ...]:
         """The kernel's equipment: what all cars between walls have, to which a kind of course may add."""
@@ -117,11 +116,9 @@ class WallCars(Cars):
         fan = np.zeros((len(self.cars), beams.shape[1]), dtype=self.dtype)
         return scan.numbers(s.control_step).astype(self.dtype), beams, scratch, fan, self.held
 
-    def reset(
-        self, options: dict[str, Any] | None, mask: np.ndarray, observation: np.ndarray, outcome: np.ndarray
-    ) -> None:
+    def reset(self, options: dict[str, Any] | None, mask: np.ndarray, outcome: np.ndarray) -> None:
         """Start the next episode of the cars in ``mask`` (bool, (n,)), writing their observations and truth."""
-        super().reset(options, mask, observation, outcome)
+        super().reset(options, mask, outcome)
         if options and not options.keys().isdisjoint(self.start_options[:2]):
             blocked = np.flatnonzero(mask & (self.cars[:, at.BLOCKED].reshape(-1)[: self.num_cars] > 0.0))
             if len(blocked):
