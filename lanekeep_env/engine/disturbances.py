@@ -135,14 +135,18 @@ def hold(i, rows, block, counted, settings):
 def lean(i, v, block):
     """Return what side forces add to steering angle and sideslip of steady driving, rad, on tyres that slip little.
 
-    Axle forces change by dF_f = -(M + l_r F)/l and dF_r = (M - l_f F)/l.
+    Axle forces change by dF_f = -(M + l_r F)/l and dF_r = (M - l_f F)/l. The wind meets the car at its sideslip.
     """
     front, rear = np.float64(block[at.CG_TO_FRONT, i]), np.float64(block[at.CG_TO_REAR, i])
-    headwind, crosswind, area = block[at.WIND, i], block[at.CROSSWIND, i], block[at.WIND_AREA, i]
-    wind = wind_force(v, 0.0, np.float64(headwind), np.float64(crosswind), np.float64(area))
-    force, moment = block[at.SIDE_WEIGHT, i] + wind, wind * block[at.WIND_LEVER, i]
-    beta = (front * force - moment) / ((front + rear) * block[at.REAR_STIFFNESS, i])
-    return beta - (moment + rear * force) / ((front + rear) * block[at.FRONT_STIFFNESS, i]), beta
+    headwind, crosswind = np.float64(block[at.WIND, i]), np.float64(block[at.CROSSWIND, i])
+    area, before = np.float64(block[at.WIND_AREA, i]), np.float64(block[at.SIDESLIP, i])
+    steer = beta = 0.0
+    for _ in range(4):
+        wind = wind_force(v, before + beta, headwind, crosswind, area)
+        force, moment = block[at.SIDE_WEIGHT, i] + wind, wind * block[at.WIND_LEVER, i]
+        beta = (front * force - moment) / ((front + rear) * np.float64(block[at.REAR_STIFFNESS, i]))
+        steer = beta - (moment + rear * force) / ((front + rear) * np.float64(block[at.FRONT_STIFFNESS, i]))
+    return steer, beta
 
 
 @helper

@@ -86,7 +86,10 @@ class Changes:
         if self.duration is not None:
             object.__setattr__(self, "duration", bounds_from("changes.duration", "s", 0.0, 1e6, self.duration))
         if all(getattr(self, name) == (1.0, 1.0) for name in FACTORS):
-            raise ValueError(f"changes={shown(asdict(self))} changes nothing; give a factor of {', '.join(FACTORS)}")
+            raise ValueError(
+                f"changes={shown(asdict(self))} (of the car in mid-episode) has no effect in this scenario: no factor "
+                f"is other than 1; allowed: None, or a factor of {', '.join(FACTORS)}"
+            )
 
 
 #: What may change and what it takes to matter, in the order of the kernel's factors.
