@@ -18,6 +18,8 @@ FRICTION_SHARE = 0.8
 #: What entries take to have an effect, each in a scenario's words: the car's tyres, tyres that saturate, errors of the
 #: centre of gravity, a speed that the environment sets, a lag of the nominal actuator.
 TYRES, FRICTION, CENTRE_OF_GRAVITY, SPEED, LAG = "tyres", "friction", "centre of gravity", "speed", "lag"
+#: ... no bounds of their own between which the scenario draws the steering's offset.
+OFFSET = "offset"
 
 
 def _factor(of: str, needs: str) -> dict[str, Any]:
@@ -41,6 +43,8 @@ class Randomisation:
         speed: factor of the speed profile.
         steering_lag: factor of the actuator's lag.
         steering_delay: transport delay added to the actuator's, s, rounded to the integration step.
+        steering_gain: factor of the road wheel's angle over the one asked for.
+        steering_offset: of the road wheel, added to the actuator's, rad.
 
     A policy is built from the nominal car: what is drawn here is what it does not know. What has no effect on a
     scenario's cars is refused, but in a named set it is passed over.
@@ -57,6 +61,12 @@ class Randomisation:
     speed: Range = field(default=(1.0, 1.0), metadata=_factor("the speed", SPEED))
     steering_lag: Range = field(default=(1.0, 1.0), metadata=_factor("the actuator's lag", LAG))
     steering_delay: Range = field(default=(0.0, 0.0), metadata=_entry("delay added to the actuator's", "s", 0.0, 2.0))
+    steering_gain: Range = field(
+        default=(1.0, 1.0), metadata=_factor("the road wheel's angle over the one asked for", "")
+    )
+    steering_offset: Range = field(
+        default=(0.0, 0.0), metadata=_entry("offset of the road wheel", "rad", -0.5, 0.5, OFFSET)
+    )
 
     def __post_init__(self) -> None:
         for f in fields(self):

@@ -55,6 +55,7 @@ _POLICIES = {
     "lane-support": "lane_support:LaneSupport",
     "lq-preview": "lq:LqPreview",
     "lq-preview-offset-free": "lq:LqPreviewOffsetFree",
+    "lq-preview-trimmed": "lq_trimmed:LqPreviewTrimmed",
     "mpc-preview": "mpc:MpcPreview",
     "lqg": "lq:LinearQuadraticGaussian",
     "knightriders-circuit": "knightriders_circuit:KnightRidersCircuit",

@@ -17,7 +17,7 @@ from lanekeep_env.randomness import derive, uniform
 DRAW_PLACE, DRAW_STATION, DRAW_LATERAL, DRAW_HEADING = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 DRAW_CAR = np.int64(4)  # and the following, one a randomised number
 #: Numbers of the randomised numbers: their place among the fields of `Randomisation`.
-MASS, FRICTION, FRONT_STIFFNESS, REAR_STIFFNESS, CG_SHIFT, SPEED, LAG, DELAY = (
+MASS, FRICTION, FRONT_STIFFNESS, REAR_STIFFNESS, CG_SHIFT, SPEED, LAG, DELAY, GAIN, OFFSET = (
     np.int64([field.name for field in fields(Randomisation)].index(name))
     for name in (
         "mass",
@@ -28,6 +28,8 @@ MASS, FRICTION, FRONT_STIFFNESS, REAR_STIFFNESS, CG_SHIFT, SPEED, LAG, DELAY = (
         "speed",
         "steering_lag",
         "steering_delay",
+        "steering_gain",
+        "steering_offset",
     )
 )
 #: Counter of the first set speed of an episode; one a control step from there.
@@ -41,11 +43,19 @@ def cars_in(k, cars, counters):
 
 
 @inline
-def _drawn(key, which, settings):
+def drawn(key, which, settings):
     """Draw the randomised number ``which`` (typed, see above) between its bounds; equal bounds give it exactly."""
     low = np.float64(settings[at.RANGES + 2 * which])
     high = np.float64(settings[at.RANGES + 2 * which + 1])
     return low + (high - low) * uniform(key, DRAW_CAR + which)
+
+
+@inline
+def set_lag(i, lag, block, settings):
+    """Give the actuator of car i a lag, s."""
+    half = 0.5 * settings[at.STEP_TIME]
+    block[at.STEER_RESPONSE, i] = 1.0 - np.exp(-half / lag) if lag > 0.0 else 1.0
+    block[at.STEER_GAIN, i] = min(half / lag, 1.0) if lag > 0.0 else 1.0
 
 
 @helper
@@ -56,29 +66,26 @@ def draw_car(i, key, block, settings):
     mass, friction and centre of gravity. The speed profile is slowed down where it would use more
     than `FRICTION_SHARE` of the friction, so that every episode can be driven.
     """
-    mass_factor, shift = _drawn(key, MASS, settings), _drawn(key, CG_SHIFT, settings)
+    mass_factor, shift = drawn(key, MASS, settings), drawn(key, CG_SHIFT, settings)
     if settings[at.NOMINAL_REAR] == 0.0:
         shift = 0.0  # the reference point is the rear axle
     mass = settings[at.MASS] * mass_factor
     front, rear = settings[at.NOMINAL_FRONT] - shift, settings[at.NOMINAL_REAR] + shift
-    friction = settings[at.FRICTION] * _drawn(key, FRICTION, settings)
+    friction = settings[at.FRICTION] * drawn(key, FRICTION, settings)
     load = friction * mass * GRAVITY / (front + rear)
     block[at.CG_TO_FRONT, i] = front
     block[at.CG_TO_REAR, i] = rear
     block[at.INVERSE_MASS, i] = 1.0 / mass
     block[at.INVERSE_INERTIA, i] = 1.0 / (settings[at.INERTIA] * mass_factor)
-    block[at.FRONT_STIFFNESS, i] = settings[at.NOMINAL_FRONT_STIFFNESS] * _drawn(key, FRONT_STIFFNESS, settings)
-    block[at.REAR_STIFFNESS, i] = settings[at.NOMINAL_REAR_STIFFNESS] * _drawn(key, REAR_STIFFNESS, settings)
+    block[at.FRONT_STIFFNESS, i] = settings[at.NOMINAL_FRONT_STIFFNESS] * drawn(key, FRONT_STIFFNESS, settings)
+    block[at.REAR_STIFFNESS, i] = settings[at.NOMINAL_REAR_STIFFNESS] * drawn(key, REAR_STIFFNESS, settings)
     block[at.FRONT_PEAK, i] = load * rear
     block[at.REAR_PEAK, i] = load * front
-    lag = settings[at.LAG] * _drawn(key, LAG, settings)
-    half = 0.5 * settings[at.STEP_TIME]
-    block[at.STEER_RESPONSE, i] = 1.0 - np.exp(-half / lag) if lag > 0.0 else 1.0
-    block[at.STEER_GAIN, i] = min(half / lag, 1.0) if lag > 0.0 else 1.0
-    block[at.STEER_CHANGE, i] = settings[at.RATE_LIMIT] * half
-    delay = settings[at.NOMINAL_DELAY] + _drawn(key, DELAY, settings)
+    set_lag(i, settings[at.LAG] * drawn(key, LAG, settings), block, settings)
+    block[at.STEER_CHANGE, i] = settings[at.RATE_LIMIT] * 0.5 * settings[at.STEP_TIME]
+    delay = settings[at.NOMINAL_DELAY] + drawn(key, DELAY, settings)
     block[at.DELAY, i] = np.floor(delay / settings[at.STEP_TIME] + 0.5)
-    speed = _drawn(key, SPEED, settings)
+    speed = drawn(key, SPEED, settings)
     factor = speed * speed
     demand = settings[at.LATERAL_LIMIT] * factor
     grip = FRICTION_SHARE * friction * GRAVITY

@@ -37,7 +37,8 @@ class LaneKeepEnv(RoadEnv, gym.Env):
     | steering_command | rad | the command that last entered the actuator |
     | curvature_preview_0 ... n-1 | 1/m | with `preview=n`: curvature at the car and every `preview_interval` s ahead |
 
-    `observation="full"` adds sideslip (rad), curvature (1/m) and lateral_acceleration (m/s²).
+    `observation="full"` adds sideslip (rad), curvature (1/m) and lateral_acceleration (m/s²), and of what disturbs the
+    car bank (rad), crosswind (m/s), friction, steering_offset (rad) and steering_gain.
     Values are clipped to the bounds. `info` holds the truth for metrics: lateral_error, heading_error,
     lateral_acceleration, steering_rate (mean of the step), speed, arc_length, cost (1 outside the
     lane), is_success (never departed so far), termination (`lanekeep_env.Termination`).
@@ -67,9 +68,9 @@ class LaneKeepEnv(RoadEnv, gym.Env):
 
     Every field of `lanekeep_env.LaneKeepScenario`: vehicle, dynamics, tyre, friction, road, speed, action,
     max_steering_angle, max_steering_rate, start_lateral_error, start_course_error, lane_width,
-    departure, cost_weight, reference_steering_rate, cost_cap, preview, preview_interval, observation,
-    randomisation, sensors, control_step, episode_steps; and dtype ("float64" or "float32"), the precision
-    of the simulation.
+    departure, bank, crosswind, gusts, gust_time, patches, changes, cost_weight, reference_steering_rate, cost_cap,
+    preview, preview_interval, observation, randomisation, sensors, control_step, episode_steps; and dtype ("float64" or
+    "float32"), the precision of the simulation.
 
     ```python
     gym.make("lanekeep/LaneKeep-v0", vehicle="commonroad-2", tyre="magic_formula", road="yin", preview=20)

@@ -53,7 +53,7 @@ SPEED_TARGET = 36  # m/s; with a powertrain the fastest in the direction that is
 EDGE = 37  # distance from the road's edge, m; NaN where none is seen
 # Walled worlds, where ALONG and LATERAL are x and y, HEADING counts from the x axis, and STATION along the centre line:
 SERVO = 38  # angle that the servo turns the road wheel to, rad
-STEER_OFFSET = 39  # what it adds to that in this episode, rad
+STEER_OFFSET = 39  # what the road wheel has more than that in this episode, rad; on roads as well
 RIGHT = 40  # distance of the walls in the cone of the ultrasonic to the right, m; NaN where it meets none
 LEFT = 41
 FRONT = 42
@@ -150,7 +150,22 @@ LEAD_OURS = 119  # 1 where it is ahead because the car came into its lane
 PLACE_BEFORE = 120  # arc length of the road at the end of the control step before, m
 LANE_SINCE = 121  # control step in which it came to its lane, 0 for the start
 LANE_END = 122  # way from the car's front to the end of lane 0, m; NOWHERE where it does not end
-CAR_ROWS = 123  # further rows, as many as needed: commands (newest first), then the sensors' rows
+# Where something disturbs the car:
+STEER_FACTOR = 123  # of what the actuator is told that the road wheel turns by
+TOLD = 124  # angle that the road wheel is turned to on roads, with both faults, rad
+BANK = 125  # roll angle of the road, rad
+CROSSWIND = 126  # to the left, with its gust, m/s
+MEAN_WIND = 127  # without it, m/s
+GUST = 128  # m/s
+SIDE_WEIGHT = 129  # what the bank pulls to the left with, N
+WIND_AREA = 130  # half density times the car's side area, N s²/m²
+WIND_LEVER = 131  # centre of wind pressure ahead of the centre of gravity, m
+FRONT_HOLD = 132  # largest force of the axle off any patch, N
+REAR_HOLD = 133
+FRICTION_HERE = 134  # largest force of the front axle over its load on a level road
+CHANGES_AT = 135  # control step from which on the car is another, -1 for never ...
+CHANGES_UNTIL = 136  # ... and from which on it is itself again
+CAR_ROWS = 137  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the car (a uint64, reinterpreted)

@@ -37,7 +37,23 @@ FRICTION = 29  # of the road
 LAG = 30  # of the actuator, s
 RATE_LIMIT = 31  # of the road wheel, rad/s
 NOMINAL_DELAY = 32  # of the command, s
-RANGES = 33  # low and high of each randomised number, in the order of `Randomisation`
+# What disturbs it, where anything does:
+STEERING_GAIN = 33  # road wheel's angle over the one that the actuator was told
+STEERING_OFFSET = 34  # rad
+BANK_LOW = 35  # roll angle of the road, rad
+BANK_HIGH = 36
+CROSSWIND_LOW = 37  # to the left, m/s
+CROSSWIND_HIGH = 38
+GUSTS = 39  # standard deviation, m/s
+GUST_KEPT = 40  # share of a gust that is left after a control step
+SIDE_AREA = 41  # half density times the car's side area, N s²/m²; 0 without wind
+NOMINAL_LEVER = 42  # centre of wind pressure ahead of the centre of gravity, m
+PATCH_EVERY = 43  # m, 0 for none
+PATCH_LENGTH = 44  # m
+PATCH_LOW = 45  # factor of the friction
+PATCH_HIGH = 46
+CHANGE_FROM = 47  # control step at which the car changes, -1 for never
+CHANGE_TO = 48
 PREVIEW_DISTANCE = 49  # m between samples, at any speed
 SPEED_LOW = 50  # bounds of the set speeds, m/s
 SPEED_HIGH = 51
@@ -85,7 +101,11 @@ SPACING = 90  # between cars in a lane where episodes start, m
 FLOW_LOW = 91  # of the speeds that the others like, m/s
 FLOW_HIGH = 92
 FIRST_NEIGHBOUR = 93  # first of the channels that show the cars around
-CHANNELS = 94  # low and high of each channel follow, then column and source (a row) of each gathered one
+CHANGE_SHORTEST = 94  # control steps for which the change lasts
+CHANGE_LONGEST = 95
+CHANGES = 96  # low and high of each factor, in the order of `Changes`
+RANGES = 106  # low and high of each randomised number, in the order of `Randomisation`
+CHANNELS = 126  # low and high of each channel follow, then column and source (a row) of each gathered one
 
 # values of the switches
 STEERING_ANGLE, STEERING_RATE = 0, 1

@@ -84,6 +84,25 @@ def _driven_speeds(v, along, squared, slope, target, pull, h, most):
 _SPEEDS = {PROFILE: _profile_speeds, PACED: _paced_speeds, DRIVEN: _driven_speeds}
 
 
+# A car's numbers as its model takes them, with the rows of what pushes it from outside or without.
+
+
+@inline
+def _alone(car, rows, i):
+    return car
+
+
+@inline
+def _with_push(car, rows, i):
+    weight_, headwind_, crosswind_, area_, lever_ = rows
+    return car, (weight_[i], headwind_[i], crosswind_[i], area_[i], lever_[i])
+
+
+@inline
+def _push_rows(block):
+    return block[at.SIDE_WEIGHT], block[at.WIND], block[at.CROSSWIND], block[at.WIND_AREA], block[at.WIND_LEVER]
+
+
 def runge_kutta(rates: Callable[..., Any], name: str) -> Callable[..., Any]:
     """Return the scalar function that takes the state (s, d, theta, beta, r) of a car a sub-step further.
 
@@ -120,12 +139,15 @@ def runge_kutta(rates: Callable[..., Any], name: str) -> Callable[..., Any]:
     return step
 
 
-def integrator(rates: Callable[..., Any], pace: int, saturates: bool, name: str) -> Callable[..., Any]:
+def integrator(
+    rates: Callable[..., Any], pace: int, saturates: bool, name: str, pushed: bool = False
+) -> Callable[..., Any]:
     """Return the compiled loop that advances a block of cars by ``rates``, a function of `single_track`.
 
     A car on tyres that saturate may spin: its sideslip comes round. A linear tyre's force has no end, nor has its spin,
-    which is held.
+    which is held. ``pushed``: the rates are those of `side_forces.pushed`.
     """
+    numbers_of = _with_push if pushed else _alone
     step, speeds_of, keeps = runge_kutta(rates, name), _SPEEDS[pace], pace != PROFILE
 
     @helper
@@ -143,6 +165,7 @@ def integrator(rates: Callable[..., Any], pace: int, saturates: bool, name: str)
         response_, change_ = block[at.STEER_RESPONSE], block[at.STEER_CHANGE]
         motor_, share_ = block[at.MOTOR], block[at.STEER_GAIN]
         v_, target_, pull_ = block[at.SPEED], block[at.SPEED_TARGET], block[at.PULL]
+        outside = _push_rows(block)
         h, most = settings[at.STEP_TIME], settings[at.SPEED_CHANGE]
         widest, fastest = like(h, LARGEST_SIDESLIP), like(h, LARGEST_YAW_RATE)
         ideal = settings[at.IDEAL_STEERING] > like(h, 0.0)
@@ -152,6 +175,7 @@ def integrator(rates: Callable[..., Any], pace: int, saturates: bool, name: str)
             if keeps:  # decided when the loop is compiled, as whether there is a gear
                 v_[i] = speeds[2]
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
+            car = numbers_of(car, outside, i)
             begin, command, response, change = steer_[i], command_[i], response_[i], change_[i]
             begin = command if ideal else begin  # the road wheel follows at once
             if gear is None:
@@ -172,9 +196,9 @@ def integrator(rates: Callable[..., Any], pace: int, saturates: bool, name: str)
     return advance
 
 
-def shower(outputs: Callable[..., Any], pace: int, name: str) -> Callable[..., Any]:
+def shower(outputs: Callable[..., Any], pace: int, name: str, pushed: bool = False) -> Callable[..., Any]:
     """Return the compiled loop that writes speed, sideslip, yaw rate and lateral acceleration of cars."""
-    keeps_speed = pace != PROFILE
+    keeps_speed, numbers_of = pace != PROFILE, _with_push if pushed else _alone
 
     @helper
     @named(name)
@@ -186,9 +210,10 @@ def shower(outputs: Callable[..., Any], pace: int, name: str) -> Callable[..., A
         mass_, inertia_ = block[at.INVERSE_MASS], block[at.INVERSE_INERTIA]
         stiff_f_, stiff_r_ = block[at.FRONT_STIFFNESS], block[at.REAR_STIFFNESS]
         peak_f_, peak_r_ = block[at.FRONT_PEAK], block[at.REAR_PEAK]
-        v_, acceleration_ = block[at.SPEED], block[at.ACCELERATION]
+        v_, acceleration_, outside = block[at.SPEED], block[at.ACCELERATION], _push_rows(block)
         for i in range(block.shape[1]):
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
+            car = numbers_of(car, outside, i)
             v = v_[i] if keeps_speed else _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
             v_[i] = v
             theta_[i] = wrapped(theta_[i])

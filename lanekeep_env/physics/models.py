@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from typing import Any
 
 from lanekeep_env.physics import single_track as cars
-from lanekeep_env.physics.integrate import DRIVEN, PACED, PROFILE, integrator, shower
+from lanekeep_env.physics.integrate import DRIVEN, PACED, PROFILE, integrator, named, shower
+from lanekeep_env.physics.side_forces import pushed
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,7 @@ class CarModel:
         slips: whether it has tyres, or rolls where its wheels point.
         saturates: whether these know friction: the car may spin, and a speed profile must know it too.
         front_speed: whether its speed is the front wheels', not the reference point's.
+        pushed: whether forces from outside push it; see `side_forces`.
     """
 
     name: str
@@ -33,16 +35,25 @@ class CarModel:
     slips: bool = False
     saturates: bool = False
     front_speed: bool = False
+    pushed: bool = False
 
     @cached_property
     def advance(self) -> Callable[..., Any]:
         """Compiled loop that advances a block of cars by a sub-step."""
-        return integrator(self.rates, self.pace, self.saturates, self.name)
+        return integrator(self.rates, self.pace, self.saturates, self.name, self.pushed)
 
     @cached_property
     def show(self) -> Callable[..., Any]:
         """Compiled loop that writes what a block of cars shows."""
-        return shower(self.outputs, self.pace, self.name)
+        return shower(self.outputs, self.pace, self.name, self.pushed)
+
+
+@cache
+def with_pushes(model: CarModel) -> CarModel:
+    """Return a model with tyres that a bank and the wind push as well."""
+    name = f"{model.name}_pushed"
+    rates, outputs = pushed(model.rates, model.outputs, not model.saturates, named(name))
+    return replace(model, name=name, rates=rates, outputs=outputs, pushed=True)
 
 
 KINEMATIC = CarModel("kinematic", cars.kinematic, cars.kinematic_outputs)

@@ -16,6 +16,10 @@ from lanekeep_env.checks import choose, from_mapping, nearest, plain_numbers, re
 from lanekeep_env.physics.vehicle_file import ENDINGS, read_vehicle_file
 
 GRAVITY = 9.81
+#: Density of air, kg/m³.
+AIR_DENSITY = 1.2
+#: A car's side area over length times width, and centre of wind pressure ahead of the middle over the wheelbase.
+_SIDE_SHARE, _WIND_SHARE = 0.62, 0.17
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,8 @@ class SteeringActuator:
             lag is then that of a P loop which sets the motor's speed, (command - measured angle) / lag within the rate
             limit; see `advance_gear`.
         feedback: the angle which that loop measures, "road_wheel" (behind the gear) or "motor".
+        gain: road-wheel angle over the one that the actuator is told; a policy that knows the car counts on 1.
+        offset: what the road wheel has more than that, rad; such a policy counts on none.
     """
 
     lag: float = 0.0
@@ -39,6 +45,8 @@ class SteeringActuator:
     delay: float = 0.0
     backlash: float = 0.0
     feedback: str = "road_wheel"
+    gain: float = 1.0
+    offset: float = 0.0
 
     def __post_init__(self) -> None:
         require("steering.lag", self.lag, "s", at_least=0.0, at_most=100.0)
@@ -47,6 +55,8 @@ class SteeringActuator:
         require("steering.delay", self.delay, "s", at_least=0.0, at_most=2.0)
         require("steering.backlash", self.backlash, "rad", at_least=0.0, at_most=0.5)
         choose("steering.feedback", self.feedback, ("road_wheel", "motor"))
+        require("steering.gain", self.gain, "", at_least=0.05, at_most=20.0)
+        require("steering.offset", self.offset, "rad", at_least=-0.5, at_most=0.5)
         if self.backlash > 0.0 and self.lag == 0.0:
             raise ValueError(
                 f"steering.backlash={self.backlash!r} is not allowed with lag=0: a loop of infinite gain would chatter "
@@ -71,6 +81,10 @@ class VehicleParameters:
         steering: the actuator between the command and the road wheel.
         length, width: of the body, m (pictures and clearances).
         wheel_radius: m (encoders).
+        side_area: of the wind's side force over its pressure and the sine of its angle, m²: side-force coefficient a
+            radian times reference area. None for 0.62 of length times width, 5 m² of a passenger car (stated here).
+        wind_lever: centre of wind pressure ahead of the centre of gravity, m; None for 0.17 of the wheelbase ahead of
+            the middle between the axles (stated here).
         source: where the numbers come from.
     """
 
@@ -86,6 +100,8 @@ class VehicleParameters:
     length: float = 4.5
     width: float = 1.8
     wheel_radius: float = 0.3
+    side_area: float | None = None
+    wind_lever: float | None = None
     source: str = "user"
 
     def __post_init__(self) -> None:
@@ -100,6 +116,8 @@ class VehicleParameters:
         require("vehicle.length", self.length, "m", at_least=1e-3, at_most=100.0)
         require("vehicle.width", self.width, "m", at_least=1e-3, at_most=100.0)
         require("vehicle.wheel_radius", self.wheel_radius, "m", at_least=1e-3, at_most=10.0)
+        require("vehicle.side_area", self.side_area, "m²", at_least=0.0, at_most=1e3, optional=True)
+        require("vehicle.wind_lever", self.wind_lever, "m", at_least=-100.0, at_most=100.0, optional=True)
         for name in ("name", "source"):
             require_line(f"vehicle.{name}", getattr(self, name))
         if not isinstance(self.steering, SteeringActuator):
@@ -110,6 +128,13 @@ class VehicleParameters:
     def wheelbase(self) -> float:
         """Distance between the axles, m."""
         return self.cg_to_front_axle + self.cg_to_rear_axle
+
+    @property
+    def wind(self) -> tuple[float, float]:
+        """Side area, m², and lever of the wind, m, with what stands for None."""
+        middle = 0.5 * (self.cg_to_front_axle - self.cg_to_rear_axle)
+        area = _SIDE_SHARE * self.length * self.width if self.side_area is None else self.side_area
+        return area, middle + _WIND_SHARE * self.wheelbase if self.wind_lever is None else self.wind_lever
 
 
 def _commonroad(

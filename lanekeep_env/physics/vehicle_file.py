@@ -35,11 +35,15 @@ SCHEMA: dict[str, dict[str, float]] = {
     "length": _LENGTH,
     "width": _LENGTH,
     "wheel_radius": _LENGTH,
+    "side_area": {"m²": 1.0, "m^2": 1.0, "m2": 1.0},
+    "wind_lever": _LENGTH,
     "steering.lag": _TIME,
     "steering.rate_limit": _RATE,
     "steering.angle_limit": _ANGLE,
     "steering.delay": _TIME,
     "steering.backlash": _ANGLE,
+    "steering.gain": {"": 1.0},
+    "steering.offset": _ANGLE,
 }
 #: What tells a CommonRoad parameter file.
 _COMMONROAD = ("m", "I_z", "a", "b", "l", "w")

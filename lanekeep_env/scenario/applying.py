@@ -6,17 +6,25 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any
 
-from lanekeep_env.randomisation import Randomisation
+from lanekeep_env.randomisation import RANDOMISATIONS, Randomisation
 from lanekeep_env.registration import ENVIRONMENTS
 
 #: Choices that decide what a scenario's car knows of, beside its vehicle.
 _CHOICES: dict[str, tuple[str, ...]] = {"dynamics": ("dynamic", "kinematic"), "tyre": ("linear", "magic_formula")}
 
 
+#: The randomised numbers that a named set draws.
+DRAWN_BY_SETS = tuple(
+    field.name
+    for field in fields(Randomisation)
+    if any(getattr(drawn, field.name) != field.default for drawn in RANDOMISATIONS.values())
+)
+
+
 def applying(scenario: Any) -> tuple[str, ...]:
-    """Return the names of the randomised numbers that have an effect in a scenario."""
+    """Return the names of the randomised numbers that a named set draws and that have an effect in a scenario."""
     without = scenario.without_effect
-    return tuple(field.name for field in fields(Randomisation) if f"randomisation.{field.name}" not in without)
+    return tuple(name for name in DRAWN_BY_SETS if f"randomisation.{name}" not in without)
 
 
 def sets_table() -> str:
@@ -24,10 +32,10 @@ def sets_table() -> str:
     rows: dict[tuple[str, ...], list[str]] = {}
     for label, scenario in _scenarios():
         rows.setdefault(applying(scenario), []).append(label)
-    names = [field.name for field in fields(Randomisation)]
-    lines = [["", *(f"`{name}`" for name in names)], ["---"] + ["---"] * len(names)]
+    lines = [["", *(f"`{name}`" for name in DRAWN_BY_SETS)], ["---"] + ["---"] * len(DRAWN_BY_SETS)]
     lines += [
-        [", ".join(labels), *("yes" if name in entries else "-" for name in names)] for entries, labels in rows.items()
+        [", ".join(labels), *("yes" if name in entries else "-" for name in DRAWN_BY_SETS)]
+        for entries, labels in rows.items()
     ]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 

@@ -187,11 +187,15 @@ class ScenarioRecord:
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
         """Name, unit, bounds and meaning of each entry of the observation, in order."""
-        channels = self._channels()
+        channels = [*self._channels(), *self._hidden_channels()]
         for name, sensor in self.sensors:
             if sensor.numbers(self.control_step)[3] > 1 or sensor.dropout > 0.0:
                 channels.append(Channel(f"{name}_new", "", 0.0, 1.0, f"1 where {name} is a new sample, else 0"))
         return tuple(channels)
+
+    def _hidden_channels(self) -> list[Channel]:
+        """What disturbs the car and only a full observation shows."""
+        return []
 
     def channel_bounds(self) -> np.ndarray:
         """Low and high of each channel as float32, shape (channels, 2)."""

@@ -16,6 +16,7 @@ from lanekeep_env.randomisation import (
     CENTRE_OF_GRAVITY,
     FRICTION,
     LAG,
+    OFFSET,
     RANDOMISATIONS,
     SPEED,
     TYRES,
@@ -31,16 +32,19 @@ ACTIONS = {"steering_angle": at.STEERING_ANGLE, "steering_rate": at.STEERING_RAT
 SHORTEST_STEP = 0.001
 #: Longest episode, control steps.
 _LONGEST = 10_000_000
+#: Largest angle of the road wheel, whatever it is told, rad.
+LARGEST_ANGLE = 1.5
 #: What a departure or a contact does.
 DEPARTURES = {"terminate": at.TERMINATE, "cost": at.COST, "off": at.OFF}
 
 #: Why randomised numbers have no effect where a scenario has not what they take, and whether it has.
-_DRAWN: dict[str, tuple[str, Callable[[Any], bool]]] = {
+NEEDED: dict[str, tuple[str, Callable[[Any], bool]]] = {
     TYRES: ("the car rolls without slip, so neither its mass nor its tyres move it", lambda s: s.model.slips),
     FRICTION: ("only saturating tyres know friction, and this car has none", lambda s: s.model.saturates),
     CENTRE_OF_GRAVITY: ("errors are the rear axle's, wherever the centre of gravity is", lambda s: s.axles[1] > 0.0),
     SPEED: ("the car's speed follows from the actions", lambda s: s.sets_speed),
     LAG: ("the steering of the vehicle has no lag to multiply", lambda s: s.vehicle.steering.lag > 0.0),
+    OFFSET: ("the scenario's own steering_offset bounds it there", lambda s: not hasattr(s, "steering_offset")),
 }
 
 
@@ -126,7 +130,7 @@ class CarScenario(ScenarioRecord):
             "speed.acceleration", "largest change of speed", "an episode has one speed, reached at once", _accelerates
         ),
         *(
-            Need(f"randomisation.{f.name}", f.metadata["what"], *_DRAWN[f.metadata["needs"]])
+            Need(f"randomisation.{f.name}", f.metadata["what"], *NEEDED[f.metadata["needs"]])
             for f in fields(Randomisation)
             if f.metadata["needs"]
         ),
@@ -151,6 +155,7 @@ class CarScenario(ScenarioRecord):
     def _check(self) -> None:
         choose("action", self.action, ACTIONS)
         require("max_steering_angle", self.max_steering_angle, "rad", at_least=1e-6, at_most=1.5)
+        self._check_angles()
         require("max_steering_rate", self.max_steering_rate, "rad/s", at_least=1e-4, at_most=1e3)
         require("reference_lateral_error", self.reference_lateral_error, "m", at_least=1e-4, at_most=1e3)
         require("cost_weight", self.cost_weight, "", at_least=0.0, at_most=1e6)
@@ -165,6 +170,14 @@ class CarScenario(ScenarioRecord):
         if slowest is not None and not self.both_ways:
             require("speed.minimum", slowest, "m/s", at_least=0.0)
         require("episode_steps", self.episode_steps, "steps", at_least=1, at_most=_LONGEST, whole=True)
+
+    def _check_angles(self) -> None:
+        """Command and offset together must leave the wheel short of standing across."""
+        if self.widest_angle > LARGEST_ANGLE:
+            raise ValueError(
+                f"max_steering_angle={self.max_steering_angle!r} is not allowed: with gain and offset of the steering "
+                f"the road wheel turns to {self.widest_angle:.3g} rad, and it must be <= {LARGEST_ANGLE} rad in all"
+            )
 
     def _check_hold(self) -> None:
         """Set speeds change at control steps."""
@@ -204,6 +217,21 @@ class CarScenario(ScenarioRecord):
     def largest_angle(self) -> float:
         """Largest angle of the road wheel that can be commanded, rad."""
         return min(self.max_steering_angle, self.vehicle.steering.angle_limit or math.inf)
+
+    @property
+    def widest_angle(self) -> float:
+        """Largest angle that the road wheel turns to, rad, with gain and offset of the steering."""
+        return self.largest_gain * self.largest_angle + self._largest_offset
+
+    @property
+    def largest_gain(self) -> float:
+        """Of the road wheel's angle over the one that is asked for."""
+        return self.vehicle.steering.gain * self.randomisation.steering_gain[1]
+
+    @property
+    def _largest_offset(self) -> float:
+        """Of the road wheel to either side, rad."""
+        return max(abs(self.vehicle.steering.offset + bound) for bound in self.randomisation.steering_offset)
 
     @property
     def largest_cost(self) -> float:
@@ -247,6 +275,7 @@ class CarScenario(ScenarioRecord):
             at.LAG: steering.lag,
             at.RATE_LIMIT: math.inf if steering.rate_limit is None else steering.rate_limit,
             at.NOMINAL_DELAY: steering.delay,
+            at.STEERING_GAIN: steering.gain,
             at.RANGES: self.randomisation.bounds(),
             at.DELAY_DEPTH: round(longest / step) // substeps + 2 if longest > 0.0 else 0,
             at.HORIZON: self.episode_steps,

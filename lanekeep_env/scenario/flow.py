@@ -10,8 +10,9 @@ from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, from_mapping, require, shown
 from lanekeep_env.roads import RandomRoads, RoadSpec, SpeedSpec, speed_from
 from lanekeep_env.scenario.base import Channel
+from lanekeep_env.scenario.disturbances import bounds_from
 from lanekeep_env.scenario.drive import ahead_channels
-from lanekeep_env.scenario.powered import PoweredScenario, bounds_from
+from lanekeep_env.scenario.powered import PoweredScenario
 
 SITUATIONS = {"flow": at.FLOWS, "braking_lead": at.LEAD_BRAKES, "cut_in": at.CUTS_IN, "merging": at.MERGES}
 #: Cars around that are shown, in their order: (ahead or behind, lanes to the left of the car's).

@@ -142,7 +142,7 @@ class LaneKeepScenario(RoadScenario):
         """By how much the square of the profile's speed is lowered at the most."""
         factor = self.randomisation.speed[0] ** 2
         if self.model.saturates and self.speed.lateral_limit > 0.0:
-            grip = FRICTION_SHARE * GRAVITY * self.friction * self.randomisation.friction[0]
+            grip = FRICTION_SHARE * GRAVITY * self.friction * self.randomisation.friction[0] * self._least_share
             factor = min(factor, grip / self.speed.lateral_limit)
         return factor
 

@@ -16,20 +16,11 @@ from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.physics.powertrain_parameters import Powertrain, powertrain_from
 from lanekeep_env.roads import RandomRoads, RoadSpec, SpeedSpec, speed_from
 from lanekeep_env.scenario.base import Channel
+from lanekeep_env.scenario.disturbances import bounds_from
 from lanekeep_env.scenario.effects import Need
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario
 from lanekeep_env.scenario.traffic import LARGEST_BACKWARDS
 from lanekeep_env.sensing.faults import MANOEUVRE_SENSOR_SETS, SensorSets
-
-
-def bounds_from(name: str, unit: str, least: float, most: float, value: Any) -> tuple[float, float]:
-    """Read bounds (low, high) or one number for both, from ``least`` to ``most``."""
-    low, high = value if isinstance(value, tuple | list) and len(value) == 2 else (value, value)
-    for bound in (low, high):
-        require(name, bound, f"{unit}, or two, (low, high)", at_least=least, at_most=most)
-    if high < low:
-        raise ValueError(f"{name}={shown(value)} is not allowed: the bounds must be (low, high) with low <= high")
-    return float(low), float(high)
 
 
 def _slope_from(value: Any) -> tuple[float, float]:
@@ -100,7 +91,7 @@ class PoweredScenario(LaneKeepScenario):
             raise ValueError(f"friction_circle={shown(self.friction_circle)} is not allowed: it must be True or False")
         require("reference_speed_error", self.reference_speed_error, "m/s", at_least=1e-3, at_most=1e3)
         super()._check()
-        self.powertrain.check(self.vehicle.mass * self.randomisation.mass[0])
+        self.powertrain.check(self.vehicle.mass * self.occurring.mass[0])
         if (self.dynamics, self.tyre) != ("dynamic", "magic_formula"):
             raise ValueError(
                 f"dynamics={self.dynamics!r} with tyre={self.tyre!r} is not allowed: the car with a powertrain is "

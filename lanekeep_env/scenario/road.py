@@ -12,8 +12,12 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require
+from lanekeep_env.randomisation import Randomisation, Range
 from lanekeep_env.roads import RandomRoads, Road, RoadSpec, road_from, road_set
+from lanekeep_env.scenario import disturbances
+from lanekeep_env.scenario.base import Channel
 from lanekeep_env.scenario.car import DEPARTURES, CarScenario
+from lanekeep_env.scenario.effects import Need
 from lanekeep_env.scenario.integration import Integration, rolling, slipping
 
 #: Share of the tightest radius that a lane reaches to inside.
@@ -42,6 +46,16 @@ class RoadScenario(CarScenario):
             tenths of twice the tightest radius, inside which a lane folds over itself; cars then start within half of
             that from the centre.
         departure: "terminate" ends the episode, "cost" goes on and charges, "off" ignores departures.
+        bank: bounds (low, high) of the road's roll angle, rad, drawn once an episode, or one number; left side up is
+            positive and pulls to the right. Cars with tyres only, as the wind.
+        crosswind: the same of the wind to the left, m/s.
+        gusts: standard deviation of what it has more or less, m/s, a first-order random process.
+        gust_time: of that process's correlation, which falls by e in it, s.
+        patches: of other friction along the road, a mapping of `Patches`, or None; saturating tyres only.
+        changes: of the car in mid-episode, a mapping of `Changes`, or None.
+
+    What disturbs the car is no channel but in the full observation. Its steering's gain and offset are the vehicle's
+    and the randomisation's.
     """
 
     road: RoadSpec = field(default_factory=RandomRoads)
@@ -49,8 +63,19 @@ class RoadScenario(CarScenario):
     start_course_error: float = math.radians(2.0)
     lane_width: float = 3.5
     departure: str = "terminate"
+    bank: Range = (0.0, 0.0)
+    crosswind: Range = (0.0, 0.0)
+    gusts: float = 0.0
+    gust_time: float = 2.0
+    patches: disturbances.Patches | None = None
+    changes: disturbances.Changes | None = None
 
-    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {**CarScenario._readers, "road": road_from}
+    _readers: ClassVar[dict[str, Callable[[Any], Any]]] = {
+        **CarScenario._readers,
+        **disturbances.READERS,
+        "road": road_from,
+    }
+    _needs: ClassVar[tuple[Need, ...]] = (*CarScenario._needs, *disturbances.NEEDS)
     #: The first of the channels that show the road ahead.
     preview_channel: ClassVar[str] = "curvature_preview_0"
     #: How much road a picture shows, m.
@@ -73,6 +98,7 @@ class RoadScenario(CarScenario):
         require("start_course_error", self.start_course_error, "rad", at_least=0.0, at_most=1.0)
         choose("departure", self.departure, DEPARTURES)
         super()._check()
+        disturbances.check(self)
 
     @property
     def departure_limit(self) -> float:
@@ -84,15 +110,43 @@ class RoadScenario(CarScenario):
         """Right and left edge of the road, m left of its line."""
         return -self.lane_width / 2, self.lane_width / 2
 
+    @property
+    def steering_errs(self) -> bool:
+        """Whether the road wheel goes elsewhere than it is told."""
+        steering, drawn = self.vehicle.steering, self.randomisation
+        gains, offsets = (steering.gain, *drawn.steering_gain), (steering.offset, *drawn.steering_offset)
+        return gains != (1.0, 1.0, 1.0) or offsets != (0.0, 0.0, 0.0)
+
+    @property
+    def pushed(self) -> bool:
+        """Whether anything pushes the car sideways."""
+        return self.model.slips and (self.bank != (0.0, 0.0) or self.crosswind != (0.0, 0.0) or self.gusts > 0.0)
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether anything does."""
+        return self.pushed or self.steering_errs or self.patches is not None or self.changes is not None
+
+    @property
+    def occurring(self) -> Randomisation:
+        """Bounds of all cars that occur in an episode."""
+        return disturbances.widened(self.randomisation, self.changes)
+
     @cached_property
     def integration(self) -> Integration:
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
         if self.model.slips:
-            return slipping(self.vehicle, self.randomisation, self.base_step, self._slowest, self._fastest)
+            return slipping(self.vehicle, self.occurring, self.base_step, self._slowest, self._fastest)
         try:
-            return rolling(self.vehicle, self.base_step, self._fastest, self.largest_angle)
+            return rolling(self.vehicle, self.base_step, self._fastest, self.widest_angle)
         except ValueError:  # which a road on which no car gets so fast does not take
-            return rolling(self.vehicle, self.base_step, min(self._fastest, self._fastest_here()), self.largest_angle)
+            return rolling(self.vehicle, self.base_step, min(self._fastest, self._fastest_here()), self.widest_angle)
+
+    @property
+    def _least_share(self) -> float:
+        """Least that patches and changes leave of the friction."""
+        changed = 1.0 if self.changes is None else min(1.0, self.changes.friction[0])
+        return changed * disturbances.lowest_patch(self)
 
     def _slowest(self) -> float:
         """Lowest speed that an episode can have, m/s; builds the roads."""
@@ -108,15 +162,25 @@ class RoadScenario(CarScenario):
         """Largest one."""
         return self.speed.largest * self.randomisation.speed[1]
 
+    @property
+    def fastest(self) -> float:
+        """Largest speed of an episode, m/s."""
+        return self._fastest
+
+    def _hidden_channels(self) -> list[Channel]:
+        return disturbances.channels(self) if self.observation == "full" else []
+
     def numbers(self) -> dict[int, Any]:
         """The kernel's settings by row of `layout`."""
         return {
             **super().numbers(),
+            **(disturbances.numbers(self) if self.disturbed else {}),
             at.HALF_LANE: self.departure_limit,
             at.DEPARTURE: DEPARTURES[self.departure],
             at.START_LATERAL: self.start_lateral_error,
             at.START_HEADING: self.start_course_error,
-            at.LATERAL_LIMIT: self.speed.lateral_limit,
+            # The profile asks for no more than the most slippery place gives.
+            at.LATERAL_LIMIT: self.speed.lateral_limit / self._least_share,
             at.FIRST_PREVIEW: self.column(self.preview_channel),
         }
 

@@ -16,7 +16,7 @@ from lanekeep_env.physics import models
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.roads.speed import SetSpeeds, set_speeds_from
 from lanekeep_env.scenario.base import Channel, Measured, steering_channels
-from lanekeep_env.scenario.car import DEPARTURES, CarScenario, multiple_of_step
+from lanekeep_env.scenario.car import DEPARTURES, LARGEST_ANGLE, CarScenario, multiple_of_step
 from lanekeep_env.scenario.effects import Need
 from lanekeep_env.scenario.integration import Integration, rolling, slipping
 from lanekeep_env.scenario.scan import Scan, scan_from
@@ -26,8 +26,6 @@ from lanekeep_env.sensing.ultrasonic import FARTHEST, ULTRASONICS
 from lanekeep_env.walls import Corridor, WorldRecord, world_from
 from lanekeep_env.walls.generators import range_of
 
-#: Largest angle of the road wheel, whatever it is told, rad.
-LARGEST_ANGLE = 1.5
 #: Shortest and longest corridor without a length of its own, m: float32 reaches no further.
 _SHORTEST_CORRIDOR, _LONGEST_CORRIDOR = 80.0, 1000.0
 #: By which it is longer than the way of an episode, m: no sensor sees its end.
@@ -50,7 +48,7 @@ class WallFollowScenario(CarScenario):
             default a corridor that episodes do not come to the end of, 80 m at the least and 1 km at the most.
         speed: m/s, or a mapping of `SetSpeeds`.
         steering_offset: bounds (low, high) of what the road wheel has more than asked for, rad, drawn once an episode,
-            or one number.
+            or one number, beside the vehicle's own.
         servo: a mapping of `Servo`, or None.
         set_distance: of the side sensor from the wall on the right, m.
         side_sensor: place of the side ultrasonics ahead of the rear axle, m (the source's l_H); None: half-way.
@@ -120,7 +118,6 @@ class WallFollowScenario(CarScenario):
             way = math.ceil(self._fastest * self.control_step * self.episode_steps + _BEYOND)
             length = min(max(float(way), _SHORTEST_CORRIDOR), _LONGEST_CORRIDOR)
             object.__setattr__(self, "world", replace(self.world, length=length))
-        self._check_angles()
         require("set_distance", self.set_distance, "m", above=0.0, at_most=FARTHEST)
         require("side_sensor", self.side_sensor, "m", at_least=-1.0, at_most=5.0, optional=True)
         require("start_lateral_error", self.start_lateral_error, "m", at_least=0.0, at_most=1e3)
@@ -139,8 +136,7 @@ class WallFollowScenario(CarScenario):
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
         if self.model.slips:  # which a wall may stop
             return slipping(self.vehicle, self.randomisation, self.base_step, lambda: 0.0, self._fastest)
-        widest = self._wheel_angle + max(map(abs, self.steering_offset))
-        return rolling(self.vehicle, self.base_step, self._fastest, widest)
+        return rolling(self.vehicle, self.base_step, self._fastest, self._wheel_angle + self._largest_offset)
 
     @property
     def _fastest(self) -> float:
@@ -152,13 +148,17 @@ class WallFollowScenario(CarScenario):
         """Largest angle that command and servo give the road wheel, rad."""
         most = self.largest_angle
         servo = self.servo.table(most)
-        return most if servo is None else float(np.abs(servo[1:]).max())
+        return self.largest_gain * (most if servo is None else float(np.abs(servo[1:]).max()))
+
+    @property
+    def _largest_offset(self) -> float:
+        """Of the road wheel to either side, rad."""
+        return max(abs(self.vehicle.steering.offset + bound) for bound in self.steering_offset)
 
     def _check_angles(self) -> None:
         """Command, servo and offset together must leave the wheel short of standing across."""
         largest = self._wheel_angle
-        offset = max(map(abs, self.steering_offset))
-        if largest + offset > LARGEST_ANGLE:
+        if largest + self._largest_offset > LARGEST_ANGLE:
             raise ValueError(
                 f"steering_offset={self.steering_offset!r} is not allowed: with the steering angle of {largest:g} rad "
                 f"it must be <= {LARGEST_ANGLE} rad in all"
@@ -166,7 +166,7 @@ class WallFollowScenario(CarScenario):
 
     def _check_turn(self, fastest: float) -> None:
         """Raise ValueError where the car could make half a turn in a control step: contact is swept between steps."""
-        angle = self.max_steering_angle + max(abs(bound) for bound in self.steering_offset)
+        angle = self.largest_gain * self.max_steering_angle + self._largest_offset
         turn = fastest * self.control_step * math.tan(min(angle, 1.5)) / self.vehicle.wheelbase
         if turn >= math.pi:
             raise ValueError(
@@ -254,7 +254,7 @@ class WallFollowScenario(CarScenario):
             at.SET_DISTANCE: self.set_distance,
             at.TICK: 2.0 * math.pi * car.wheel_radius / self.encoder_ticks if self.encoder_ticks else 0.0,
             at.SIGNLESS: not self.encoder_direction,
-            at.OFFSET_LOW: self.steering_offset,
+            at.OFFSET_LOW: [self.vehicle.steering.offset + bound for bound in self.steering_offset],
             at.SIDE_ARM: self.side_sensor_place - rear,
             at.BODY_MIDDLE: (ahead, 0.5 * car.length, 0.5 * car.width),
             at.FRONT_ARM: ahead + 0.5 * car.length,

@@ -70,6 +70,12 @@ INNER = {
     "scan.nearest": lambda scenario: 0.9,
     "randomisation.cg_shift": lambda scenario: 0.05,
     "randomisation.steering_delay": lambda scenario: 0.06,
+    "randomisation.steering_offset": lambda scenario: 0.02,
+    "bank": lambda scenario: 0.03,
+    "crosswind": lambda scenario: 5.0,
+    "gusts": lambda scenario: 2.0,
+    "gust_time": lambda scenario: 0.5,
+    "patches": lambda scenario: {"friction": 0.5},
 }
 
 

@@ -61,13 +61,26 @@ ON_A_ROAD = {
     "sensors": ["poor", {"yaw_rate": {"noise": 0.01}}],
     "control_step": [0.1],
     "episode_steps": [300],
+    "bank": [0.03, (-0.05, 0.02)],
+    "crosswind": [5.0, (-8.0, 8.0)],
+    "gusts": [2.0],
+    "gust_time": [0.5],
+    "patches": [{"friction": 0.5, "every": 40.0}, {"friction": (0.4, 0.9), "length": 30.0, "every": 30.0}],
+    "changes": [
+        {"mass": 1.3, "steering_lag": 2.0, "time": 0.5},
+        {"rear_cornering_stiffness": (0.7, 0.9), "steering_lag": (1.5, 2.0), "time": (0.2, 1.0), "duration": 0.5},
+    ],
     "dtype": ["float32"],
 }
+#: What side forces and friction do to a car that rolls without slip.
+NONE_WITHOUT_SLIP = {name: [] for name in ("bank", "crosswind", "gusts", "gust_time", "patches")}
 BY_CAMERA = {
     **{
         key: ON_A_ROAD[key] for key in ("action", "departure", "observation", "randomisation", "dtype", "episode_steps")
     },
     **{key: ON_A_ROAD[key] for key in ("cost_weight", "cost_cap", "max_steering_angle", "max_steering_rate")},
+    **NONE_WITHOUT_SLIP,
+    "changes": [{"steering_lag": 2.0, "time": 0.5}],
     "vehicle": ["yin", {"base": "van", "steering": {"lag": 0.1, "delay": 0.05, "backlash": 0.1, "feedback": "motor"}}],
     "road": [
         {"kind": "circle", "radius": -12.0},
@@ -142,6 +155,8 @@ SUPPORTING = {
 }
 BACKING_UP = {
     **{key: value for key, value in EVASIVE.items() if key not in ("dynamics", "tyre", "friction")},
+    **NONE_WITHOUT_SLIP,
+    "changes": [{"steering_lag": 2.0, "time": 0.5}],
     "road": [{"kind": "parking", "count": 3, "smallest_radius": 6.0}, {"kind": "circle", "radius": -8.0}],
     "speed": [0.8, {"minimum": 0.3, "maximum": 1.0, "hold": 2.0, "standstill": 0.2}],
     "start_lateral_error": [0.3],
@@ -231,6 +246,8 @@ OPTIONS = {
 #: What options take beside them to have an effect.
 BESIDE = {
     "friction": {"tyre": "magic_formula"},
+    "patches": {"tyre": "magic_formula"},
+    "gust_time": {"gusts": 2.0},
     "max_steering_rate": {"action": "steering_rate"},
     "preview_interval": {"preview": 4},
 }
@@ -354,7 +371,8 @@ def test_channels_name_the_observation(name):
 #: One id a family of worlds, where each id would be a kernel for threads to compile.
 FAMILIES = ("lanekeep/LaneKeep-v0", "lanekeep/Circuit-v0")
 #: Options whose values decide what is compiled: each combination may be a kernel of its own.
-COMPILED = ("vehicle", "dynamics", "tyre", "servo", "scan", "sensors", "dtype")
+DISTURBING = ("bank", "crosswind", "gusts", "patches", "changes")
+COMPILED = ("vehicle", "dynamics", "tyre", "servo", "scan", "sensors", "dtype", *DISTURBING)
 #: Pairs of those take a minute an id to compile.
 PAIRED = pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
 

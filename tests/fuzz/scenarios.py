@@ -39,7 +39,21 @@ WORDS: dict[str, list[Any]] = {
     "departure": ["terminate", "cost", "off"],
     "contact": ["terminate", "cost", "off"],
     "observation": ["measured", "full"],
-    "randomisation": ["nominal", "mismatch", "stress"],
+    "randomisation": [
+        "nominal",
+        "mismatch",
+        "stress",
+        {"steering_offset": [-0.02, 0.02], "steering_gain": [0.7, 1.4], "mass": [0.8, 1.3]},
+    ],
+    "bank": [0.03, [-0.1, 0.1], 0.2],
+    "crosswind": [8.0, [-15.0, 15.0], 40.0],
+    "gusts": [2.0, 20.0],
+    "gust_time": [0.02, 5.0],
+    "patches": [{"friction": 0.5, "every": 30.0}, {"friction": [0.1, 3.0], "length": 7.0, "every": 7.0}],
+    "changes": [
+        {"mass": [0.5, 1.5], "friction": 0.6, "steering_lag": 2.0, "time": [0.0, 2.0], "duration": [0.0, 1.0]},
+        {"front_cornering_stiffness": [0.3, 3.0], "rear_cornering_stiffness": [0.3, 3.0], "time": 0.5},
+    ],
     "sensors": [None, "production", "poor"],
     "scan": ["none", "perfect", "kinect"],
     "control_step": [0.01, 0.02, 0.05, 0.5, 1.0],
@@ -51,6 +65,7 @@ WORDS: dict[str, list[Any]] = {
 }
 #: Numbers of records that are off by default and so stand in no scenario.
 STEERING = {"lag": 0.1, "rate_limit": 0.4, "angle_limit": 0.5, "delay": 0.05, "backlash": 0.02}
+STEERING |= {"gain": 0.8, "offset": 0.02}
 SECONDS_A_STEP, SECONDS_TO_BUILD = 1.0, 60.0
 
 

@@ -28,6 +28,14 @@ class FreeScenario(LaneKeepScenario):
         """The vehicle model."""
         return POWERED if super().model.saturates else KINEMATIC_DRIVEN
 
+    def _check(self) -> None:
+        super()._check()
+        if self.disturbed:
+            raise ValueError(
+                "gain and offset of the steering, and what else disturbs a car, are not allowed in that world; "
+                "allowed: gain 1 and offset 0"
+            )
+
     def _slowest(self) -> float:
         return 0.0
 

@@ -20,6 +20,7 @@ class DriveCars(RoadCars):
     """n cars with pedals."""
 
     family = DRIVING
+    axle_rows = (at.FRONT_GRIP, at.REAR_GRIP)
 
     def _drive(self) -> tuple[np.ndarray | None, ...]:
         s = self.scenario

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lanekeep_env import layout as at
 from lanekeep_env.families.road.cars import RoadCars
 from lanekeep_env.families.road.support import WITH_DRIVER
 
@@ -10,6 +11,7 @@ class SupportCars(RoadCars):
     """n cars on roads, each with a driver."""
 
     family = WITH_DRIVER
+    asked_rows = (at.DRIVER, at.SERVO)
 
     def _bind(self) -> None:
         super()._bind()

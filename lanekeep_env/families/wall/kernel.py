@@ -39,7 +39,7 @@ def _turn_servo(k, cars, counters, settings, servo):
         angle = block[at.COMMAND, i]
         if servo is not None:
             angle = like(limit, servo_angle(np.float64(angle), np.float64(limit), servo))
-        block[at.SERVO, i] = angle + block[at.STEER_OFFSET, i]
+        block[at.SERVO, i] = angle * block[at.STEER_FACTOR, i] + block[at.STEER_OFFSET, i]
         block[at.BEFORE_X, i] = block[at.ALONG, i]
         block[at.BEFORE_Y, i] = block[at.LATERAL, i]
         block[at.BEFORE_HEADING, i] = block[at.HEADING, i]

@@ -6,6 +6,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper
+from lanekeep_env.engine.disturbances import draw_gain
 from lanekeep_env.engine.episode import (
     DRAW_CAR,
     DRAW_HEADING,
@@ -147,9 +148,11 @@ def _set_off(i, key, block, settings, servo):
     low, high = np.float64(settings[at.OFFSET_LOW]), np.float64(settings[at.OFFSET_HIGH])
     offset = low + (high - low) * uniform(key, DRAW_CAR + DRAW_OFFSET)
     block[at.STEER_OFFSET, i] = offset
+    draw_gain(i, key, block, settings)
     steer = offset
     if servo is not None:
-        steer = offset + servo_angle(0.0, np.float64(settings[at.COMMAND_LIMIT]), servo)
+        angle = servo_angle(0.0, np.float64(settings[at.COMMAND_LIMIT]), servo)
+        steer = offset + angle * np.float64(block[at.STEER_FACTOR, i])
     block[at.SPEED_SQUARED, i] = np.inf
     for row in (at.SPEED, at.SPEED_TARGET, at.WHEEL_SPEED):
         block[row, i] = v
