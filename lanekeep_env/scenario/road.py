@@ -13,6 +13,7 @@ import numpy as np
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require
 from lanekeep_env.roads import RandomRoads, Road, RoadSpec, road_from, road_set
+from lanekeep_env.scenario.base import Channel
 from lanekeep_env.scenario.car import DEPARTURES, CarScenario
 from lanekeep_env.scenario.integration import Integration, rolling, slipping
 
@@ -78,6 +79,14 @@ class RoadScenario(CarScenario):
     def departure_limit(self) -> float:
         """Lateral error beyond which the car has left its lane, m."""
         return self.lane_width / 2
+
+    @cached_property
+    def curvature_bound(self) -> float:
+        """Bound of the channels that show the road's curvature, 1/m: 1, or the next whole number that no bend exceeds."""
+        return max(1.0, *(float(math.ceil(road.peak_curvature)) for road, _ in road_set(self.road, self.speed)))
+
+    def _curvature(self, name: str, description: str, source: int | None = None) -> Channel:
+        return Channel(name, "1/m", -self.curvature_bound, self.curvature_bound, description, source)
 
     @property
     def edges(self) -> tuple[float, float]:
