@@ -82,7 +82,7 @@ class RoadScenario(CarScenario):
 
     @cached_property
     def curvature_bound(self) -> float:
-        """Bound of the channels that show the road's curvature, 1/m: 1, or the next whole number that no bend exceeds."""
+        """Bound of the channels that show curvature, 1/m: 1, or the next whole number that no bend exceeds."""
         return max(1.0, *(float(math.ceil(road.peak_curvature)) for road, _ in road_set(self.road, self.speed)))
 
     def _curvature(self, name: str, description: str, source: int | None = None) -> Channel:
