@@ -1,9 +1,10 @@
 """A trial of other people's road files and maps: whether each loads, is driven to its end, or is refused and why.
 
-    python tests/own_files.py FOLDER [--policies stanley,lq-preview-offset-free] [--keywords '{"vehicle": "my_car.yaml"}']
+    python tests/own_files.py FOLDER [--policies stanley,lq-preview-offset-free] [--keywords JSON]
 
-Roads are driven once, a loop one lap, in LaneKeep-v0; maps (YAML) a lap in Circuit-v0 by `knightriders-circuit`. What
-is refused is so in one line; anything else is an error. Exit status 1 if there is one.
+JSON are keywords of gym.make for roads, such as {"vehicle": "my_car.yaml"}. Roads are driven once, a loop one lap, in
+LaneKeep-v0; maps (YAML) a lap in Circuit-v0 by `knightriders-circuit`. What is refused is so in one line; anything else
+is an error. Exit status 1 if there is one.
 """
 
 from __future__ import annotations

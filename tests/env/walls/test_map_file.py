@@ -270,7 +270,7 @@ def test_map_records_stand_for_the_files_content(tmp_path):
 @pytest.mark.parametrize(("radius", "half"), [(11.5, 10.0), (16.0, 10.0), (40.0, 12.0)])
 def test_the_line_found_is_the_middle_also_round_hairpins(radius, half):
     """A long stadium, drawn in cells; where its ends are as tight as the corridor is wide, few points swing about."""
-    length = 1500.0
+    length = 3000.0
     x, y = np.meshgrid(np.arange(length + 2.0 * (radius + half) + 6.0), np.arange(2.0 * (radius + half) + 6.0))
     x, y = x - radius - half - 2.5, y - radius - half - 2.5
     off = np.hypot(x - np.clip(x, 0.0, length), y) - radius
