@@ -1,11 +1,12 @@
 # The same steps by hand and in .ci/run. Use an active virtual environment, or name one: make test PYTHON=.venv/bin/python
 PYTHON ?= python
 
-.PHONY: help install format lint types test slow smoke compat clients lowest bench speed same metrics fuzz ci
+.PHONY: help install format lint types test slow smoke compat clients lowest bench speed same metrics fuzz own ci
 help:
 	@echo "make install | format | lint | types | test | smoke | compat | clients | lowest | bench | speed | ci"
 	@echo "make same OLD=another checkout: whether both drive equal episodes, equally fast | metrics: sizes of the code"
 	@echo "make slow: the large draws of what the tests draw smaller"
+	@echo "make own FOLDER=of road files and maps: whether each loads and is driven, or why it is refused"
 	@echo "make fuzz: 10,000 random scenarios, 3,000 damaged files of each kind (half an hour)"
 
 install:
@@ -68,6 +69,10 @@ fuzz:
 	$(PYTHON) tests/fuzz/places.py --count 3000
 	$(PYTHON) tests/fuzz/policies.py --count 3000
 	$(PYTHON) tests/fuzz/results.py --count 3000
+
+# Other people's roads and maps: each is driven to its end, or refused in one line.
+own:
+	$(PYTHON) tests/own_files.py $(FOLDER)
 
 ci:
 	bash .ci/run

@@ -27,16 +27,16 @@ def short(text: str, most: int = 1500) -> str:
     return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"
 
 
-def check_picture(out: Path | None, overwrite: bool) -> None:
-    """Raise ValueError where ``--out`` cannot become a picture, before anything is computed for it."""
+def check_picture(out: Path | None, overwrite: bool, option: str = "--out", ending: str = ".png") -> None:
+    """Raise ValueError where the file of an ``option`` cannot become a picture, before it is computed."""
     if out is None:
         return
-    if out.suffix.lower() != ".png":
-        raise ValueError(f"--out {out} must end in .png")
+    if out.suffix.lower() != ending:
+        raise ValueError(f"{option} {out} must end in {ending}")
     if not out.parent.is_dir():
-        raise ValueError(f"--out {out}: there is no folder {out.parent}")
+        raise ValueError(f"{option} {out}: there is no folder {out.parent}")
     if out.exists() and not overwrite:
-        raise ValueError(f"{out} exists; give another --out or --overwrite")
+        raise ValueError(f"{out} exists; give another {option} or --overwrite")
 
 
 @contextmanager

@@ -141,12 +141,13 @@ def _plain(row: Row) -> dict[str, Any]:
 
 
 def _print(rows: Sequence[Row]) -> None:
-    """A table a car, so that it fits the terminal."""
+    """A table a car, so that it fits the terminal, a narrow one without spaces around its cells."""
+    padding = (0, 1) if console().width >= 80 else (0, 0)
     for car in dict.fromkeys(row.vehicle for row in rows):
-        table = Table(title=Text(f"Margins of {car} around straight driving"), title_justify="left")
+        table = Table(title=Text(f"Margins of {car} around straight driving"), title_justify="left", padding=padding)
         table.add_column("policy", overflow="fold")
         for name in ("m/s", "damping", "GM", "PM\n°", "delay\nms", "camera\nms", "Ms"):
-            table.add_column(name, justify="right")
+            table.add_column(name, justify="right", no_wrap=True)
         before = ""
         for row in (row for row in rows if row.vehicle == car):
             if before not in ("", row.policy):

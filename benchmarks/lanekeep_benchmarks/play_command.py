@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 import lanekeep_env
-from lanekeep_benchmarks.endings import input_errors, interruptible
+from lanekeep_benchmarks.endings import check_picture, input_errors, interruptible
 from lanekeep_benchmarks.policies import FILE, Entry, entry_of
 from lanekeep_env.checks import choose, shown
 from lanekeep_env.roads import road_from
@@ -60,14 +60,13 @@ def play_command(
             )
         )
         file = gif or Path("results") / f"{name}.gif"
-        if file.suffix.lower() != ".gif":
-            raise ValueError(f"--gif {file} must end in .gif")
-        if not human and file.exists() and not overwrite:
-            raise ValueError(f"{file} exists; give another --gif or --overwrite")
+        if not human:
+            if gif is None:
+                file.parent.mkdir(exist_ok=True)
+            check_picture(file, overwrite, "--gif", ".gif")
         film = playing.Film()
         driven = playing.play(drive, seconds, None if human else film.see)
         if not human:
-            file.parent.mkdir(parents=True, exist_ok=True)
             playing.write_gif(file, film.frames, driven.seconds)
     failed, kept = _ENDS.get(playing.place_of(drive.env_id), ("failed", "did not fail"))
     end = driven.mishap or (failed if driven.departed else kept)

@@ -91,7 +91,7 @@ def road_of(drawing: Drawing, title: str, name: str, closed: bool | None, smooth
         points = _checked(drawing, name)
         try:
             loop = _is_closed(points) if closed is None else closed
-            road = fit_centre_line(title, points, loop, smoothing, drawing.rounding)
+            road = fit_centre_line(title, points, loop, smoothing, drawing.rounding, drawing.tolerance)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
         stations = road.beside[:, 0] if road.beside is not None else np.zeros(len(points))

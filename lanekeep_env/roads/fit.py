@@ -1,7 +1,8 @@
 """A road through given points: exactly where they are clean, smoothed where they scatter, or a refusal.
 
 Points are clean if what they scatter does not matter to the curvature of a line through them; see `spline`. Otherwise
-they are smoothed (see `smooth`) as far as they scatter, by themselves only where little curvature is lost in it.
+they are smoothed (see `smooth`) as far as they scatter, by themselves only where little curvature is lost in it. Lines
+with kinks, which no car drives, may be left by a tolerance instead.
 """
 
 from __future__ import annotations
@@ -26,13 +27,18 @@ _DOUBT, _DOUBT_SHARE = 5e-4, 0.1
 _CLEAN, _CLEAN_SHARE = 3e-5, 0.01
 #: Scatter of rounded coordinates, as a share of the points' distance: smoothed without a warning.
 _ROUNDING = 1e-3
-#: Smoothing beyond the scatter by oneself, m.
-_SMOOTHER = 0.02
+#: Smoothing beyond the scatter by oneself, m, and as a share of a tolerance: the farthest points are so much farther.
+_SMOOTHER, _SHARE = 0.02, 0.35
 _UNITS = "are they in m? Name the columns with their unit (x_km,y_km or x_mm,y_mm), or lat,lon"
 
 
 def fit_centre_line(
-    name: str, points: Floats, closed: bool, smoothing: float | None = None, rounding: float = 0.0
+    name: str,
+    points: Floats,
+    closed: bool,
+    smoothing: float | None = None,
+    rounding: float = 0.0,
+    tolerance: float = 0.0,
 ) -> Road:
     """Return the road through ``points`` (n, 2), m; raises ValueError where they make no road.
 
@@ -43,6 +49,7 @@ def fit_centre_line(
         smoothing: standard deviation by which the points scatter, m; 0 for none, None to estimate it: the road is then
             refused where that leaves its curvature unknown.
         rounding: what they scatter at the least, where it is estimated, m.
+        tolerance: by which the road may miss them where nobody asks for smoothing, m, if more than usual.
 
     The road's `fit_error` is the largest distance of a given point from it.
     """
@@ -60,23 +67,41 @@ def fit_centre_line(
             told += ("long chords between short ones are straight",)
         road = through(name, fuller, closed)
     else:
-        found, off = smoothed(name, line, closed, scatter, scatter, sharpest), scatter
-        # Dense points may be smoothed a little more than they scatter: that costs millimetres, and halves the doubt.
-        while smoothing is None and found.doubt > _allowed(found.road) and 2.0 * off <= _SMOOTHER:
-            off *= 2.0
-            found = smoothed(name, line, closed, scatter, off, sharpest)
-        cost = _cost(scatter, found.shortest, found.doubt)
         if smoothing is None:
+            found = _smoothed(name, line, closed, scatter, sharpest, tolerance)
+            cost = _cost(scatter, found)
             _judge(found, scatter, cost, loud=scatter > _ROUNDING * spacing)
+        else:
+            found = smoothed(name, line, closed, scatter, scatter, sharpest)
+            cost = _cost(scatter, found)
         road, told = found.road, (*told, cost)
-    with np.errstate(all="ignore"):
-        begin = np.concatenate([[0.0], np.cumsum(chord)])[: len(line)]
-        along, apart = _nearest(road, line, begin * road.length / chord.sum())
+    along, apart = _nearest(road, line)
     road = replace(road, fit_error=float(apart.max()), given=line, assumed=told)
-    _check_fit(road, spacing, scatter, rounding if smoothing is None else smoothing)
+    _check_fit(
+        road, spacing, scatter, max(LARGEST_FIT_ERROR, tolerance) + 6.0 * (rounding if smoothing is None else smoothing)
+    )
     # Points that were left out take the place of their twins.
     twin = np.clip(np.searchsorted(kept, np.arange(len(points)), side="right") - 1, 0, None)
     return replace(road, beside=np.column_stack([along[twin], np.full((len(points), 3), np.nan)]))
+
+
+def _smoothed(name: str, line: Floats, closed: bool, scatter: float, sharpest: float, tolerance: float) -> Smoothed:
+    """Smooth as far as points scatter; more where that leaves the curvature unknown, less where it leaves the points.
+
+    Dense points may be smoothed a little more than they scatter: that costs millimetres, and halves the doubt. With a
+    ``tolerance`` it may cost that.
+    """
+    found, off = smoothed(name, line, closed, scatter, scatter, sharpest), scatter
+    while found.doubt > _allowed(found.road) and 2.0 * off <= max(_SMOOTHER, _SHARE * tolerance):
+        off *= 2.0
+        found = smoothed(name, line, closed, scatter, off, sharpest)
+    while tolerance > 0.0 and off > _SHARE * tolerance / 8.0 and _nearest(found.road, line)[1].max() > tolerance:
+        off /= 2.0
+        less = smoothed(name, line, closed, scatter, off, sharpest)
+        if less.doubt > _allowed(less.road):
+            break
+        found = less
+    return found
 
 
 def _check_size(chord: Floats) -> None:
@@ -90,9 +115,8 @@ def _check_size(chord: Floats) -> None:
         )
 
 
-def _check_fit(road: Road, spacing: float, scatter: float, known: float) -> None:
-    """Refuse a road that misses its points by more than allowed; they are ``known`` to scatter so far, m."""
-    allowed = LARGEST_FIT_ERROR + 6.0 * known
+def _check_fit(road: Road, spacing: float, scatter: float, allowed: float) -> None:
+    """Refuse a road that misses its points by more than ``allowed``, m, or bends more than any."""
     if not road.fit_error <= allowed:
         raise ValueError(
             f"the road misses a point by {road.fit_error:.2f} m, allowed are {allowed:.3g} m; points this rough (they "
@@ -122,10 +146,10 @@ def _sharpest(line: Floats, closed: bool) -> float:
     return best if np.isfinite(best) else 0.0
 
 
-def _cost(scatter: float, shortest: float, doubt: float) -> str:
+def _cost(scatter: float, found: Smoothed) -> str:
     return (
-        f"points scatter by {scatter:.2g} m: smoothed, changes of curvature within {shortest:.0f} m are flattened, "
-        f"curvature is known to {doubt:.1g} 1/m"
+        f"points scatter by {scatter:.2g} m: smoothed, changes of curvature within {found.shortest:.0f} m are "
+        f"flattened, curvature is known to {found.doubt:.1g} 1/m"
     )
 
 
@@ -148,14 +172,17 @@ def _judge(found: Smoothed, scatter: float, cost: str, loud: bool) -> None:
         warnings.warn(f"road {found.road.name!r}: {cost}; smoothing= says how far points scatter", stacklevel=2)
 
 
-def _nearest(road: Road, points: Floats, along: Floats) -> tuple[Floats, Floats]:
-    """Arc length and distance of the road's nearest place to each point, m; ``along`` is a first guess."""
-    s = along.copy()
-    for _ in range(8):
-        heading = road.heading(s)
-        offset = points - road.position(s)
-        ahead = np.cos(heading) * offset[:, 0] + np.sin(heading) * offset[:, 1]
-        s = s + np.clip(ahead, -2.0, 2.0)
-        if not road.closed:
-            s = np.clip(s, 0.0, road.length)
-    return s, np.hypot(*(points - road.position(s)).T)
+def _nearest(road: Road, line: Floats) -> tuple[Floats, Floats]:
+    """Arc length and distance of the road's nearest place to each of its points, m."""
+    chord = np.hypot(*np.diff(np.vstack([line, line[:1]]) if road.closed else line, axis=0).T)
+    with np.errstate(all="ignore"):
+        begin = np.concatenate([[0.0], np.cumsum(chord)])[: len(line)]
+        s = begin * road.length / chord.sum()
+        for _ in range(8):
+            heading = road.heading(s)
+            offset = line - road.position(s)
+            ahead = np.cos(heading) * offset[:, 0] + np.sin(heading) * offset[:, 1]
+            s = s + np.clip(ahead, -2.0, 2.0)
+            if not road.closed:
+                s = np.clip(s, 0.0, road.length)
+        return s, np.hypot(*(line - road.position(s)).T)

@@ -178,7 +178,7 @@ class CameraLaneScenario(RoadScenario):
             channels.append(Channel("set_distance", "m", 0.0, 100.0, "that the edge is to be kept at", at.SET_POINT))
         for k in range(self.plan):
             where = f"{k * self.plan_spacing:g} m ahead of the rear axle" if k else "at the rear axle"
-            channels.append(Channel(f"planned_curvature_{k}", "1/m", -1.0, 1.0, f"of the road {where}, left positive"))
+            channels.append(self._curvature(f"planned_curvature_{k}", f"of the road {where}, left positive"))
         if self.observation == "full":
             channels += [
                 Channel("lateral_error", "m", -20.0, 20.0, "rear axle left of the lane's centre", at.LATERAL),

@@ -15,6 +15,7 @@ from lanekeep_env.scenario.walls import WallFollowScenario
 from lanekeep_env.walls import MapFile, RandomCircuits, WorldRecord
 from lanekeep_env.walls.corners import swept_corner, turned_corner
 from lanekeep_env.walls.map_file import FOUND
+from lanekeep_env.walls.sets import world_set
 
 #: Share of the largest speed at which there is time for a lap.
 _LAP_PACE = 0.25
@@ -91,7 +92,7 @@ class CircuitScenario(WallFollowScenario):
 
     def _lap(self) -> float:
         """All laps at a quarter of the largest speed."""
-        lengths = [one.length for one in self.world.build() if one.centre_line is not None]
+        lengths = [one.length for one in world_set(self.world, self.world.fingerprint()) if one.centre_line is not None]
         if not lengths:
             return super()._lap()
         return self.laps * max(lengths) / (_LAP_PACE * self.max_speed)

@@ -126,13 +126,11 @@ class ReversePathScenario(RoadScenario):
         ]
         for k in range(self.preview):
             where = f"{k * self.preview_interval:g} s on, backwards" if k else "at the rear axle"
-            channels.append(Channel(f"curvature_preview_{k}", "1/m", -1.0, 1.0, f"of the path {where}, left positive"))
+            channels.append(self._curvature(f"curvature_preview_{k}", f"of the path {where}, left positive"))
         if self.observation == "full":
             channels += [
                 Channel("sideslip", "rad", -math.pi, math.pi, "none at the rear axle", at.SIDESLIP),
-                Channel(
-                    "curvature", "1/m", -1.0, 1.0, "of the path at the rear axle, left positive", at.CURVATURE_HERE
-                ),
+                self._curvature("curvature", "of the path at the rear axle, left positive", at.CURVATURE_HERE),
                 Channel(
                     "lateral_acceleration", "m/s²", -50.0, 50.0, "of the rear axle, left positive", at.ACCELERATION
                 ),

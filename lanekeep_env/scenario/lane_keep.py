@@ -159,11 +159,11 @@ class LaneKeepScenario(RoadScenario):
         ]
         for k in range(self.preview):
             ahead = f"{k * self.preview_interval:g} s ahead" if k else "at the car"
-            channels.append(Channel(f"curvature_preview_{k}", "1/m", -1.0, 1.0, f"of the road {ahead}, left positive"))
+            channels.append(self._curvature(f"curvature_preview_{k}", f"of the road {ahead}, left positive"))
         if self.observation == "full":
             channels += [
                 Channel("sideslip", "rad", -math.pi, math.pi, "course minus heading", at.SIDESLIP),
-                Channel("curvature", "1/m", -1.0, 1.0, "of the road at the car, left positive", at.CURVATURE_HERE),
+                self._curvature("curvature", "of the road at the car, left positive", at.CURVATURE_HERE),
                 Channel(
                     "lateral_acceleration",
                     "m/s²",

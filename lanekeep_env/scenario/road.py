@@ -105,6 +105,14 @@ class RoadScenario(CarScenario):
         """Lateral error beyond which the car has left its lane, m."""
         return self.lane_width / 2
 
+    @cached_property
+    def curvature_bound(self) -> float:
+        """Bound of the channels that show curvature, 1/m: 1, or the next whole number that no bend exceeds."""
+        return max(1.0, *(float(math.ceil(road.peak_curvature)) for road, _ in road_set(self.road, self.speed)))
+
+    def _curvature(self, name: str, description: str, source: int | None = None) -> Channel:
+        return Channel(name, "1/m", -self.curvature_bound, self.curvature_bound, description, source)
+
     @property
     def edges(self) -> tuple[float, float]:
         """Right and left edge of the road, m left of its line."""

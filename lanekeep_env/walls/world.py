@@ -149,15 +149,23 @@ class World:
                     f"world {self.name!r}: the start ({x:.3f}, {y:.3f}) m is {near:.3f} m from a wall; "
                     f"allowed are >= {clearance} m"
                 )
+        if self._opening is not None:
+            x, y, heading = self._opening
+            raise ValueError(
+                f"world {self.name!r}: the walls are open: from ({x:.3f}, {y:.3f}) m one sees out towards "
+                f"{math.remainder(heading, 2.0 * math.pi):.3f} rad"
+            )
+        return self
+
+    @cached_property
+    def _opening(self) -> tuple[float, float, float] | None:
+        """The first start or point of the centre line that sees out, x and y (m), and in which direction (rad)."""
         line = self.start[:, :2] if self.centre_line is None else np.concatenate([self.start[:, :2], self.centre_line])
         for x, y in line:
             heading = self.way_out(x, y)
             if heading is not None:
-                raise ValueError(
-                    f"world {self.name!r}: the walls are open: from ({x:.3f}, {y:.3f}) m one sees out towards "
-                    f"{math.remainder(heading, 2.0 * math.pi):.3f} rad"
-                )
-        return self
+                return float(x), float(y), heading
+        return None
 
 
 def pack(worlds: Sequence[World], dtype: DTypeLike = np.float64) -> tuple[NDArray, NDArray[np.int64]]:

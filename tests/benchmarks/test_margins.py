@@ -45,10 +45,13 @@ def test_table_json_and_picture(tmp_path, capsys, monkeypatch):
     assert picture.read_bytes()[:4] == b"\x89PNG"
     assert run(["margins", *arguments, "--out", str(picture)]) == 2
     assert "exists" in capsys.readouterr().err
-    monkeypatch.setenv("COLUMNS", "80")
-    assert run(["margins", *arguments]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert max(map(len, lines)) <= 80 and sum(line.startswith("Margins of") for line in lines) == 2
+    for width in (80, 60):
+        monkeypatch.setenv("COLUMNS", str(width))
+        assert run(["margins", *arguments]) == 0
+        said = capsys.readouterr().out
+        lines = said.splitlines()
+        assert max(map(len, lines)) <= width and sum(line.startswith("Margins of") for line in lines) == 2
+        assert "…" not in said and all(heading in said for heading in ("policy", "damping", "camera"))
 
 
 def test_a_known_delay_takes_from_the_margins_and_an_unstable_loop_says_so(capsys):

@@ -62,6 +62,7 @@ def test_a_gif_of_two_seconds(tmp_path, capsys):
         (["lanekeep/LaneKep-v0"], "lanekeep/LaneKeep-v0"),
         (["CartPole-v1"], "lanekeep/RoadWorks-v0"),
         (["--gif", "x.mp4"], ".gif"),
+        (["--gif", "nowhere/x.gif"], "there is no folder nowhere"),
         (["--policy", "yin-lq"], "yin-lqr"),
         (["--road", "nowhere.csv"], "nowhere.csv"),
         (["--human", "--gif", "x.gif"], "--human"),

@@ -97,3 +97,23 @@ def test_small_cars_on_small_roads(tmp_path):
     assert env.unwrapped.scenario.max_steering_angle == pytest.approx(1.5 * math.atan(0.35 / 1.5), abs=2e-3)
     env.reset(seed=0)
     assert np.isfinite(env.step(np.zeros(1))[0]).all()
+
+
+@pytest.mark.parametrize(("radius", "bound"), [(50.0, 1.0), (1.0, 1.0), (0.4, 3.0), (0.25, 4.0)])
+def test_curvature_is_shown_whole_however_tight_the_road_is(radius, bound):
+    env = gym.make(
+        "lanekeep/LaneKeep-v0",
+        road={"kind": "circle", "radius": radius},
+        vehicle="knightriders",
+        dynamics="kinematic",
+        speed=0.3,
+        lane_width=0.3,
+        start_lateral_error=0.0,
+        preview=2,
+        observation="full",
+    )
+    observation, _ = env.reset(seed=0)
+    columns = [k for k, one in enumerate(env.unwrapped.channels) if one.name.startswith("curvature")]
+    assert len(columns) == 3
+    assert observation[columns] == pytest.approx(1.0 / radius, rel=1e-6)
+    assert (env.observation_space.high[columns] == bound).all() and (env.observation_space.low[columns] == -bound).all()

@@ -9,6 +9,7 @@ from lanekeep_env.roads import Road, RoadFile, read_road
 from lanekeep_env.roads.file import FARTHEST, LARGEST_FILE
 from lanekeep_env.roads.readers.drawing import MOST_POINTS
 from lanekeep_env.roads.readers.table import LONGEST_LINE, MOST_LINES
+from lanekeep_env.roads.readers.tracks import MOST_PARTS
 from lanekeep_env.roads.road import MOST_SEGMENTS, MOST_TURN
 
 LINE = [f"{10 * k}, {k * k}" for k in range(20)]
@@ -48,6 +49,25 @@ def test_absurd_files_are_told_in_one_line(tmp_path, lines, words):
     assert "road.csv" in message and message.isprintable() and len(message) < 500
     for word in words:
         assert word in message, message
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        ("[]," * MOST_PARTS, [f"allowed are {MOST_PARTS}", "line alone"]),
+        ("1," * (MOST_PARTS - 10), ["are not a list of [longitude, latitude]"]),
+        (f"[{'9' * 400}, 48],", ["no number of degrees"]),
+    ],
+)
+def test_json_that_would_fill_the_memory_is_told_before(tmp_path, points, words):
+    path = tmp_path / "road.geojson"
+    path.write_text(f'{{"type": "LineString", "coordinates": [{points.rstrip(",")}]}}')
+    begin = time.process_time()
+    with pytest.raises(ValueError) as caught:
+        read_road(path)
+    assert time.process_time() - begin < 5.0
+    for word in words:
+        assert word in str(caught.value)
 
 
 def test_large_and_no_files(tmp_path):

@@ -19,15 +19,10 @@ from lanekeep_env.rendering.wall_picture import WallPose
 from lanekeep_env.scenario.walls import WallFollowScenario
 from lanekeep_env.walls import World, WorldRecord, pack
 from lanekeep_env.walls.raycast import SCRATCH_ROWS, beam_table
+from lanekeep_env.walls.sets import world_set
 
 #: Farther from the origin a step of a millimetre is lost in float32, m.
 LARGEST_FLOAT32 = 1000.0
-
-
-@functools.lru_cache(maxsize=16)
-def world_set(world: WorldRecord, fingerprint: str) -> tuple[World, ...]:
-    """Build the worlds once a process and check their starts; ``fingerprint`` notices a changed file."""
-    return tuple(one.check() for one in world.build())
 
 
 @functools.lru_cache(maxsize=16)

@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.families.wall.cars import WallCars, world_set
+from lanekeep_env.families.wall.cars import WallCars
 from lanekeep_env.families.wall.course import ON_COURSES
 from lanekeep_env.rendering.wall_picture import WallPose
 from lanekeep_env.walls import ObstacleCircuit, WorldRecord
 from lanekeep_env.walls.obstacles import passage
 from lanekeep_env.walls.parking import longest_space
+from lanekeep_env.walls.sets import world_set
 
 #: What pictures call the modes.
 _SHOWN = {at.ROUNDTRIP: "round trip", at.OBSTACLES: "among obstacles", at.PARK: "parking"}

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from xml.etree.ElementTree import Element
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lanekeep_env.checks import shown
 from lanekeep_env.roads.readers.drawing import MOST_POINTS, Choice, Drawing
@@ -13,6 +14,12 @@ from lanekeep_env.roads.readers.markup import as_number, parse_xml
 from lanekeep_env.roads.road import Floats
 
 _MOST_LANELETS = 100_000
+#: By which share of its width the middle of a lane may be missed: lanelets meet with kinks.
+_TOLERANCE = 0.1
+#: A chord that is longer is a straight, m: in a bend of 5 km it would leave the lane's middle by 1 m.
+_STRAIGHT = 200.0
+#: Of fewer points all chords are straights.
+_FEW = 8
 
 
 def read_commonroad(content: bytes, name: str, choice: Choice) -> Drawing:
@@ -40,11 +47,17 @@ def read_commonroad(content: bytes, name: str, choice: Choice) -> Drawing:
         ids = _longest(lanelets, name)
         listed = ", ".join(one[:12] for one in ids[:8]) + (" ..." if len(ids) > 8 else "")
         told = f"of {len(lanelets)} lanelets: {listed} (track= takes others)"
-    left, right = (np.concatenate([_bound(lanelets[one], side, name) for one in ids]) for side in ("left", "right"))
+    left, right = ([_bound(lanelets[one], side, name) for one in ids] for side in ("left", "right"))
+    left, right = _divided(*_met(np.concatenate(left), np.concatenate(right), np.cumsum([len(one) for one in left])))
     if len(left) > MOST_POINTS:
         raise ValueError(f"{name} has {len(left)} points; allowed are {MOST_POINTS}")
     half = 0.5 * np.hypot(*(left - right).T)
-    return Drawing(0.5 * (left + right), widths=np.column_stack([half, half]), assumed=(told,))
+    return Drawing(
+        0.5 * (left + right),
+        widths=np.column_stack([half, half]),
+        assumed=(told,),
+        tolerance=2.0 * _TOLERANCE * float(half.min()),
+    )
 
 
 def _bound(lanelet: Element, side: str, name: str) -> Floats:
@@ -56,6 +69,34 @@ def _bound(lanelet: Element, side: str, name: str) -> Floats:
             f"{what} has {len(points)} and {other} points on its bounds; allowed are two or more, equally many"
         )
     return np.array([[as_number(point.findtext(axis), f"{what} {axis}") for axis in ("x", "y")] for point in points])
+
+
+def _met(left: Floats, right: Floats, ends: NDArray[np.intp]) -> tuple[Floats, Floats]:
+    """Both bounds, (n, 2), with one point half-way where a lanelet ends, before a given index, and the next begins."""
+    middle = 0.5 * (left + right)
+    last, first = ends[:-1] - 1, ends[:-1]
+    near = np.hypot(*(middle[first] - middle[last]).T) < _TOLERANCE * np.hypot(*(left[last] - right[last]).T)
+    last, first = last[near], first[near]
+    kept = np.delete(np.arange(len(left)), first)
+    for bound in (left, right):
+        bound[last] = 0.5 * (bound[last] + bound[first])
+    return left[kept], right[kept]
+
+
+def _divided(left: Floats, right: Floats) -> tuple[Floats, Floats]:
+    """Both bounds, (n, 2), with more points on what can be nothing but straight: chords too long for any bend, and all
+    where hardly any are given.
+    """
+    chord = np.hypot(*np.diff(0.5 * (left + right), axis=0).T)
+    pieces = np.ceil(np.minimum(chord / _STRAIGHT, MOST_POINTS))
+    if len(left) < _FEW:
+        pieces = np.full(len(chord), float(_FEW))
+    at = np.concatenate([[0.0], np.cumsum(np.maximum(pieces, 1.0))])
+    if at[-1] == len(chord) or at[-1] > MOST_POINTS:
+        return left, right
+    every = np.arange(at[-1] + 1.0)
+    first, second = (np.column_stack([np.interp(every, at, bound[:, k]) for k in (0, 1)]) for bound in (left, right))
+    return first, second
 
 
 def _longest(lanelets: Mapping[str, Element], name: str) -> list[str]:

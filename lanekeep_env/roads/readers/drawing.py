@@ -22,6 +22,7 @@ class Drawing:
         speeds: at each point, m/s, (n,), or None; of a road at each segment's border.
         assumed: what was taken for granted, one phrase each.
         rounding: how far rounded coordinates scatter the points, m, a standard deviation.
+        tolerance: how far a road may miss the points of a line with kinks, m.
     """
 
     points: Floats | None = None
@@ -31,6 +32,7 @@ class Drawing:
     speeds: Floats | None = None
     assumed: tuple[str, ...] = ()
     rounding: float = 0.0
+    tolerance: float = 0.0
 
     def place(self, number: int) -> str:
         """Where a point is, for errors."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 from xml.etree.ElementTree import Element
 
@@ -38,11 +40,9 @@ def read_opendrive(content: bytes, name: str, choice: Choice) -> Drawing:
     pieces = [_Piece(roads[one], f"{name}: road {shown(one)}") for one, _ in links]
     notes = [told, *dict.fromkeys(note for piece in pieces for note in piece.notes)]
     if lane == 0:
-        road = _joined(
-            name,
-            [piece.road if onward else _reversed(piece.road) for piece, (_, onward) in zip(pieces, links, strict=True)],
-        )
-        return Drawing(road=road, assumed=(*notes, "the reference line (lane= takes a lane's centre)"))
+        roads = [piece.road if on else _reversed(piece.road) for piece, (_, on) in zip(pieces, links, strict=True)]
+        notes += ["the reference line (lane= takes a lane's centre)", *_steps(roads)]
+        return Drawing(road=_joined(name, roads), assumed=tuple(notes))
     points, widths = [], []
     for piece, (one, onward) in zip(pieces, links, strict=True):
         along = np.linspace(0.0, piece.road.length, max(2, round(piece.road.length / _STEP) + 1))
@@ -152,6 +152,16 @@ def _reversed(road: Road) -> Road:
         -road.curvature_start[::-1],
         origin=(float(x), float(y), float(road.headings[-1] + np.pi)),
     )
+
+
+def _steps(roads: Sequence[Road]) -> list[str]:
+    """What is told of roads whose reference lines do not meet: inside junctions these may lie elsewhere in the lane."""
+    gaps = [float(np.hypot(*(after.points[0] - before.points[-1]))) for before, after in itertools.pairwise(roads)]
+    turns = [float(after.headings[0] - before.headings[-1]) for before, after in itertools.pairwise(roads)]
+    gap, bend = max(gaps, default=0.0), max((abs(math.remainder(turn, math.tau)) for turn in turns), default=0.0)
+    if gap <= _GAP and bend <= _BEND:
+        return []
+    return [f"roads do not meet by up to {gap:.3g} m and {bend:.3g} rad: each goes on where the one before ends"]
 
 
 def _joined(name: str, roads: Sequence[Road]) -> Road:

@@ -13,6 +13,8 @@ from lanekeep_env.roads.readers.drawing import MOST_POINTS, Choice, Drawing
 from lanekeep_env.roads.readers.geodetic import projected
 from lanekeep_env.roads.readers.markup import as_number, number, parse_xml
 
+#: Most lists, mappings and commas of a GeoJSON file: some seconds and 300 MiB.
+MOST_PARTS = 2_000_000
 #: Longitude and latitude of each point, deg.
 Line = list[tuple[float, float]]
 
@@ -45,6 +47,11 @@ def read_kml(content: bytes, name: str, choice: Choice) -> Drawing:
 
 def read_geojson(content: bytes, name: str, choice: Choice) -> Drawing:
     """Read a LineString, a part of a MultiLineString, or the outer ring of a Polygon of a GeoJSON file."""
+    parts = sum(map(content.count, (b"[", b"{", b",")))
+    if parts > MOST_PARTS:
+        raise ValueError(
+            f"{name} holds {parts} lists, mappings and commas; allowed are {MOST_PARTS}: keep the road's line alone"
+        )
     try:
         value = parse_json(content)
     except ValueError as error:
@@ -78,9 +85,10 @@ def _line(value: Any, name: str) -> Line:
     )
     if not good:
         raise ValueError(f"{name}: coordinates {shown(value)} are not a list of [longitude, latitude]")
-    return [
-        (as_number(str(one[0]), f"{name}: longitude"), as_number(str(one[1]), f"{name}: latitude")) for one in value
-    ]
+    try:
+        return [(float(one[0]), float(one[1])) for one in value]
+    except OverflowError:
+        raise ValueError(f"{name}: coordinates hold an integer that is no number of degrees") from None
 
 
 def _chosen(lines: Sequence[Line], name: str, choice: Choice, kind: str) -> Drawing:

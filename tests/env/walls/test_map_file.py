@@ -1,6 +1,7 @@
 """Maps of ROS's map_server: exact walls, every fault by name, nothing executed."""
 
 import json
+import math
 import sys
 import time
 
@@ -10,6 +11,7 @@ import shapely
 from PIL import Image
 
 from lanekeep_env.walls import MapFile, read_map, world_from
+from lanekeep_env.walls.centre_line import found
 from lanekeep_env.walls.region import borders
 
 SETTINGS = {
@@ -263,3 +265,17 @@ def test_map_records_stand_for_the_files_content(tmp_path):
     (tmp_path / "map.pgm").unlink()
     with pytest.raises(ValueError, match=r"map.pgm' cannot be read"):
         MapFile(str(path))
+
+
+@pytest.mark.parametrize(("radius", "half"), [(11.5, 10.0), (16.0, 10.0), (40.0, 12.0)])
+def test_the_line_found_is_the_middle_also_round_hairpins(radius, half):
+    """A long stadium, drawn in cells; where its ends are as tight as the corridor is wide, few points swing about."""
+    length = 3000.0
+    x, y = np.meshgrid(np.arange(length + 2.0 * (radius + half) + 6.0), np.arange(2.0 * (radius + half) + 6.0))
+    x, y = x - radius - half - 2.5, y - radius - half - 2.5
+    off = np.hypot(x - np.clip(x, 0.0, length), y) - radius
+    line = found(borders(np.abs(off) < half))
+    a, b = line.T
+    middle = np.hypot(a - radius - half - 3.0 - np.clip(a - radius - half - 3.0, 0.0, length), b - radius - half - 3.0)
+    assert np.abs(middle - radius).max() < 1.0
+    assert np.hypot(*(np.roll(line, -1, axis=0) - line).T).sum() == pytest.approx(2 * (length + math.pi * radius), 3e-3)
