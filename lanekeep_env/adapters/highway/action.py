@@ -11,6 +11,7 @@ import numpy as np
 from highway_env.envs.common.action import ContinuousAction
 
 from lanekeep_env.adapters.highway.axes import turned
+from lanekeep_env.adapters.highway.configuration import check_keys, check_world
 from lanekeep_env.adapters.highway.plant import FreeScenario, Plant
 from lanekeep_env.adapters.highway.vehicle import EgoVehicle
 from lanekeep_env.checks import known, shown
@@ -48,10 +49,12 @@ class EgoAction(ContinuousAction):
         max_steering_angle: of the road wheel, rad, at 1; by default theirs, pi/4, or the vehicle's limit if less.
 
     Raises:
-        ValueError: an unknown keyword (the nearest one is named) or a value that is not allowed.
+        ValueError: an unknown keyword, here or in the environment's configuration (the nearest one is named), a value
+            that is not allowed, or an environment whose reward asks for another car.
     """
 
     def __init__(self, env: Any, **config: Any) -> None:
+        check_keys(env.config, env.default_config())
         self.plant = plant_of(config, 1.0 / env.config["simulation_frequency"])
         theirs: dict[str, Any] = {name: config[name] for name in ("longitudinal", "lateral") if name in config}
         for name, value in theirs.items():
@@ -62,6 +65,7 @@ class EgoAction(ContinuousAction):
                 "acceleration_range", "m/s²", -100.0, 100.0, config["acceleration_range"]
             )
         super().__init__(env, **theirs)
+        check_world(env, self.size)
         limit = self.plant.scenario.max_steering_angle
         self.steering_range = (-limit, limit)
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lanekeep_env import layout as at
 from lanekeep_env.adapters.highway.axes import turned
+from lanekeep_env.adapters.highway.configuration import check_keys
 from lanekeep_env.adapters.highway.path import curvatures, foot, lane_of
 from lanekeep_env.adapters.highway.scenario import HighwayScenario
 from lanekeep_env.adapters.highway.vehicle import EgoVehicle
@@ -78,6 +79,7 @@ class EgoObservation(ObservationType):
 
     def __init__(self, env: Any, preview: int = 12, preview_interval: float = 0.1, **others: Any) -> None:
         super().__init__(env)
+        check_keys(env.config, env.default_config())
         known(OBSERVATION, others, ("type", "preview", "preview_interval"), "keyword")
         self.scenario = HighwayScenario.of(env, preview=preview, preview_interval=preview_interval)
 

@@ -12,6 +12,7 @@ from gymnasium.envs.registration import load_env_creator
 from highway_env.envs.common.action import ContinuousAction
 
 from lanekeep_env.adapters.highway.action import ACTION, plant_of
+from lanekeep_env.adapters.highway.configuration import check_keys
 from lanekeep_env.adapters.highway.vehicle import EgoVehicle
 from lanekeep_env.checks import choose, require, shown
 from lanekeep_env.physics.parameters import VehicleParameters
@@ -124,7 +125,9 @@ class HighwayScenario(ScenarioRecord):
             known = [name for name, spec in gym.registry.items() if "highway_env" in str(spec.entry_point)]
             choose("env", self.env, known)
         entry: Any = load_env_creator(str(gym.registry[self.env].entry_point))
-        return {**entry.default_config(), **self.config}
+        defaults = entry.default_config()
+        check_keys(self.config, defaults)
+        return {**defaults, **self.config}
 
     @cached_property
     def _believed(self) -> LaneKeepScenario:

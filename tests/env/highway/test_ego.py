@@ -236,6 +236,7 @@ def test_a_film_shows_our_car(tmp_path, monkeypatch):
         ({"action": {"type": "LanekeepAction", "acceleration_range": [3, -3]}}, "low <= high"),
         ({"action": {"type": "LanekeepAction", "acceleration_range": [1, 2, 3]}}, r"acceleration_range=\[1, 2, 3\]"),
         ({"action": {"type": "LanekeepAction", "lateral": "no"}}, "lateral='no' is not allowed"),
+        ({"action": EGO, "vehicels_count": 3}, "did you mean 'vehicles_count'"),
         ({"observation": {"type": "LanekeepObservation"}}, "nothing is steered"),
         ({"action": EGO, "observation": {"type": "LanekeepObservation", "previw": 3}}, "did you mean 'preview'"),
     ),
@@ -244,6 +245,15 @@ def test_what_is_not_allowed_is_told_in_one_line(config, message):
     with pytest.raises(ValueError, match=message) as caught:
         made("highway-v0", **config)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("world", ("two-way-v0", "merge-v1", "roundabout-v1"))
+def test_worlds_whose_rewards_ask_for_another_action_are_refused_where_highway_env_would_trip(world):
+    with pytest.raises((AttributeError, ValueError)) as theirs:
+        made(world, action={"type": "ContinuousAction"})
+    with pytest.raises(ValueError, match=r"its reward (reads|takes)") as ours:
+        made(world, action={"type": "LanekeepAction"})
+    assert "\n" not in str(ours.value) and str(theirs.value) != str(ours.value)
 
 
 def test_another_step_than_the_one_it_was_made_for_is_refused():

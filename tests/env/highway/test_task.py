@@ -114,6 +114,7 @@ def test_cars_of_a_vector_are_single_ones(mode):
         ({"sensors": "poor"}, "sensors"),
         ({"config": {"action": {"type": "ContinuousAction", "steering_range": [0.0, 1.0]}}}, "must be symmetric"),
         ({"config": 3}, "config=3 is not allowed"),
+        ({"config": {"policy_freqency": 5}}, "did you mean 'policy_frequency'"),
         ({"config": {"action": {}}}, "action type None"),
         ({"config": {"action": {"type": "ContinuousAction", "lateral": False}}}, "nothing is steered"),
         ({"config": {"action": {"type": "LanekeepAction", "vehicel": "yin"}}}, "did you mean 'vehicle'"),
