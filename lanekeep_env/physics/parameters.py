@@ -221,6 +221,24 @@ VEHICLES: dict[str, VehicleParameters] = {
                 "0.93 m; wheel, mass and tyres are stated here as those of a 1:10 car"
             ),
         ),
+        VehicleParameters(
+            name="f1tenth",
+            mass=3.74,
+            yaw_inertia=0.04712,
+            cg_to_front_axle=0.15875,
+            cg_to_rear_axle=0.17145,
+            front_cornering_stiffness=1.0489 * 4.718 * 3.74 * GRAVITY * 0.17145 / 0.3302,
+            rear_cornering_stiffness=1.0489 * 5.4562 * 3.74 * GRAVITY * 0.15875 / 0.3302,
+            steering=SteeringActuator(rate_limit=3.2, angle_limit=0.4189),
+            length=0.58,
+            width=0.31,
+            wheel_radius=0.05,
+            source=(
+                "F1TENTH, 1:10: the identified parameters of f1tenth_gym (O'Kelly, Zheng, Karthik, Mangharam 2020, "
+                "PMLR 123), axle stiffness = mu C_S times the axle's load; its friction is 1.0489, its largest "
+                "acceleration 9.51 m/s²; the wheel's radius is stated here"
+            ),
+        ),
         _commonroad(1, 1225.8878467253344, 1538.8533713561394, 0.88392, 1.50876, (4.298, 1.674), 0.91),
         _commonroad(2, 1093.2952334674046, 1791.5995300122856, 1.1561957064, 1.4227170936, (4.508, 1.61), 1.066),
         _commonroad(3, 1478.8979637767998, 2473.1176915564442, 1.1507916024, 1.3211363976, (4.569, 1.844), 1.023),
