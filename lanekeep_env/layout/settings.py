@@ -85,7 +85,14 @@ SPACING = 90  # between cars in a lane where episodes start, m
 FLOW_LOW = 91  # of the speeds that the others like, m/s
 FLOW_HIGH = 92
 FIRST_NEIGHBOUR = 93  # first of the channels that show the cars around
-CHANNELS = 94  # low and high of each channel follow, then column and source (a row) of each gathered one
+# Load transfer:
+CG_HEIGHT = 94  # of the centre of gravity, m
+ROLL_FRONT = 95  # share of the axle's roll stiffness times twice the height over the track width
+ROLL_REAR = 96
+FRICTION_SENSITIVITY = 97  # share lost as the load doubles
+STIFFNESS_SENSITIVITY = 98
+HALF_TRACK = 99  # half of the width between the wheels, m
+CHANNELS = 100  # low and high of each channel follow, then column and source (a row) of each gathered one
 
 # values of the switches
 STEERING_ANGLE, STEERING_RATE = 0, 1

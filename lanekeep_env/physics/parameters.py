@@ -71,6 +71,13 @@ class VehicleParameters:
         steering: the actuator between the command and the road wheel.
         length, width: of the body, m (pictures and clearances).
         wheel_radius: m (encoders).
+        cg_height: of the centre of gravity above the road, m; None for a fifth of the wheelbase. This and the following
+            are read by ``tyre="load_sensitive"`` alone.
+        track_width: between the wheels of an axle, m; None for 0.85 of the body's width.
+        front_roll_stiffness: share of the front axle in the car's roll stiffness.
+        friction_load_sensitivity: share of the tyres' friction that is lost as their load doubles from that of the car
+            at rest; linear in the load.
+        stiffness_load_sensitivity: the same of their cornering stiffness over load.
         source: where the numbers come from.
     """
 
@@ -86,6 +93,11 @@ class VehicleParameters:
     length: float = 4.5
     width: float = 1.8
     wheel_radius: float = 0.3
+    cg_height: float | None = None
+    track_width: float | None = None
+    front_roll_stiffness: float = 0.55
+    friction_load_sensitivity: float = 0.15
+    stiffness_load_sensitivity: float = 0.25
     source: str = "user"
 
     def __post_init__(self) -> None:
@@ -100,6 +112,11 @@ class VehicleParameters:
         require("vehicle.length", self.length, "m", at_least=1e-3, at_most=100.0)
         require("vehicle.width", self.width, "m", at_least=1e-3, at_most=100.0)
         require("vehicle.wheel_radius", self.wheel_radius, "m", at_least=1e-3, at_most=10.0)
+        require("vehicle.cg_height", self.cg_height, "m", at_least=0.0, at_most=20.0, optional=True)
+        require("vehicle.track_width", self.track_width, "m", at_least=1e-3, at_most=100.0, optional=True)
+        require("vehicle.front_roll_stiffness", self.front_roll_stiffness, "(a share)", at_least=0.0, at_most=1.0)
+        for name in ("friction_load_sensitivity", "stiffness_load_sensitivity"):
+            require(f"vehicle.{name}", getattr(self, name), "(a share)", at_least=0.0, at_most=0.3)
         for name in ("name", "source"):
             require_line(f"vehicle.{name}", getattr(self, name))
         if not isinstance(self.steering, SteeringActuator):
@@ -111,11 +128,32 @@ class VehicleParameters:
         """Distance between the axles, m."""
         return self.cg_to_front_axle + self.cg_to_rear_axle
 
+    @property
+    def height(self) -> float:
+        """Of the centre of gravity above the road, m."""
+        return 0.2 * self.wheelbase if self.cg_height is None else self.cg_height
+
+    @property
+    def track(self) -> float:
+        """Between the wheels of an axle, m."""
+        return 0.85 * self.width if self.track_width is None else self.track_width
+
 
 def _commonroad(
-    number: int, mass: float, inertia: float, front: float, rear: float, size: tuple[float, float], angle: float
+    number: int,
+    mass: float,
+    inertia: float,
+    front: float,
+    rear: float,
+    size: tuple[float, float],
+    angle: float,
+    roll: tuple[float, float, float],
 ) -> VehicleParameters:
-    """A CommonRoad vehicle; its normalised stiffness C_S becomes C = mu C_S m g l_other / l, mu C_S = -p_ky1."""
+    """A CommonRoad vehicle; its normalised stiffness C_S becomes C = mu C_S m g l_other / l, mu C_S = -p_ky1.
+
+    ``roll`` is h_cg, the mean of T_f and T_r, and the front's share of K_s T²/2 - K_ts; its tyres are proportional to
+    their load.
+    """
     scale = 21.92 * mass * GRAVITY / (front + rear)
     return VehicleParameters(
         name=f"commonroad-{number}",
@@ -128,9 +166,38 @@ def _commonroad(
         steering=SteeringActuator(rate_limit=0.4, angle_limit=angle),
         length=size[0],
         width=size[1],
+        cg_height=roll[0],
+        track_width=roll[1],
+        front_roll_stiffness=roll[2],
+        friction_load_sensitivity=0.0,
+        stiffness_load_sensitivity=0.0,
         source=f"CommonRoad vehicle models 2020a, vehicle {number} (Althoff, Koschi, Manzinger 2017)",
     )
 
+
+_COMMONROAD: tuple[tuple[Any, ...], ...] = (
+    (1, 1225.8878467253344, 1538.8533713561394, 0.88392, 1.50876, (4.298, 1.674), 0.91, (0.558, 1.407, 0.605)),
+    (
+        2,
+        1093.2952334674046,
+        1791.5995300122856,
+        1.1561957064,
+        1.4227170936,
+        (4.508, 1.61),
+        1.066,
+        (0.575, 1.375, 0.593),
+    ),
+    (
+        3,
+        1478.8979637767998,
+        2473.1176915564442,
+        1.1507916024,
+        1.3211363976,
+        (4.569, 1.844),
+        1.023,
+        (0.748, 1.559, 0.582),
+    ),
+)
 
 VEHICLES: dict[str, VehicleParameters] = {
     car.name: car
@@ -233,15 +300,14 @@ VEHICLES: dict[str, VehicleParameters] = {
             length=0.58,
             width=0.31,
             wheel_radius=0.05,
+            cg_height=0.074,
             source=(
                 "F1TENTH, 1:10: the identified parameters of f1tenth_gym (O'Kelly, Zheng, Karthik, Mangharam 2020, "
                 "PMLR 123), axle stiffness = mu C_S times the axle's load; its friction is 1.0489, its largest "
                 "acceleration 9.51 m/s²; the wheel's radius is stated here"
             ),
         ),
-        _commonroad(1, 1225.8878467253344, 1538.8533713561394, 0.88392, 1.50876, (4.298, 1.674), 0.91),
-        _commonroad(2, 1093.2952334674046, 1791.5995300122856, 1.1561957064, 1.4227170936, (4.508, 1.61), 1.066),
-        _commonroad(3, 1478.8979637767998, 2473.1176915564442, 1.1507916024, 1.3211363976, (4.569, 1.844), 1.023),
+        *(_commonroad(*row) for row in _COMMONROAD),
     )
 }
 

@@ -12,6 +12,8 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require
+from lanekeep_env.physics.load_transfer import LARGEST_ALONG
+from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.roads import RandomRoads, Road, RoadSpec, road_from, road_set
 from lanekeep_env.scenario.car import DEPARTURES, CarScenario
 from lanekeep_env.scenario.integration import Integration, rolling, slipping
@@ -88,7 +90,15 @@ class RoadScenario(CarScenario):
     def integration(self) -> Integration:
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
         if self.model.slips:
-            return slipping(self.vehicle, self.randomisation, self.base_step, self._slowest, self._fastest)
+            pull = LARGEST_ALONG * GRAVITY * self._friction * self.randomisation.friction[1]
+            return slipping(
+                self.vehicle,
+                self.randomisation,
+                self.base_step,
+                self._slowest,
+                self._fastest,
+                pull if self.model.transfers_load else None,
+            )
         try:
             return rolling(self.vehicle, self.base_step, self._fastest, self.largest_angle)
         except ValueError:  # which a road on which no car gets so fast does not take
