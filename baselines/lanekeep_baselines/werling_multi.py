@@ -14,9 +14,9 @@ from lanekeep_baselines.werling_drive import AccelerationIntegrator, EngineMap, 
 from lanekeep_baselines.werling_lateral import SMALLEST
 from lanekeep_baselines.werling_longitudinal import Grip, Lead, LongitudinalControl, LongitudinalTuning, SetPosition
 from lanekeep_baselines.werling_tyres import WerlingCar
+from lanekeep_env.physics.load_transfer import LARGEST_ALONG
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.physics.powertrain_parameters import Powertrain
-from lanekeep_env.scenario.powered import LARGEST_ALONG
 
 
 class DriveScenario(GripScenario, Protocol):

@@ -13,6 +13,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.engine.packed import Packed
 from lanekeep_env.engine.reset_options import DRAWN, bounds, split, start_rows
 from lanekeep_env.engine.step import Family, reset_kernel, step_kernels
+from lanekeep_env.physics.models import CarModel
 from lanekeep_env.sensing.measure import TRUTH
 
 #: Cars that are advanced together: enough for SIMD, few enough for the first-level cache.
@@ -97,14 +98,19 @@ class Cars:
         """The same on several threads."""
         return self._stepper(1)
 
+    @property
+    def _compiled(self) -> tuple[CarModel, Family]:
+        """Model and family that kernels are made of."""
+        return self.scenario.model, self.family
+
     def _stepper(self, which: int) -> Callable[..., None]:
-        kernel = step_kernels(self.scenario.model, self.family, self.num_actions)[which]
+        kernel = step_kernels(*self._compiled, self.num_actions)[which]
         return self.packed.entry(kernel, 0, len(self.cars), self.new_outcome())
 
     @cached_property
     def _reset(self) -> Callable[..., None]:
         example = np.ones(self.num_cars, dtype=np.bool_), self._free_start, self.new_outcome()
-        return self.packed.entry(reset_kernel(self.family), *example)
+        return self.packed.entry(reset_kernel(self._compiled[1]), *example)
 
     def _settings(self) -> np.ndarray:
         gathered = self.scenario.gathered(perfect=self.sensors is None)

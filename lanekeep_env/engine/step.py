@@ -251,7 +251,7 @@ def step_kernels(model: CarModel, family: Family, num_actions: int) -> tuple[Cal
                 before_substep(k, cars, counters, settings, equipment)
                 advance(block, acting_row(substep, block, settings, command_row), settings, gear, floor)
                 after_substep(k, cars, counters, world)
-            show(block, floor)
+            show(block, settings, floor)
             finish(k, cars, counters, world, settings, equipment, (observation, outcome))
 
     @kernel(parallel=True)

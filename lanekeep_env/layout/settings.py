@@ -105,7 +105,14 @@ CHANGE_SHORTEST = 94  # control steps for which the change lasts
 CHANGE_LONGEST = 95
 CHANGES = 96  # low and high of each factor, in the order of `Changes`
 RANGES = 106  # low and high of each randomised number, in the order of `Randomisation`
-CHANNELS = 126  # low and high of each channel follow, then column and source (a row) of each gathered one
+# Load transfer:
+CG_HEIGHT = 126  # of the centre of gravity, m
+ROLL_FRONT = 127  # share of the axle's roll stiffness times twice the height over the track width
+ROLL_REAR = 128
+FRICTION_SENSITIVITY = 129  # share lost as the load doubles
+STIFFNESS_SENSITIVITY = 130
+HALF_TRACK = 131  # half of the width between the wheels, m
+CHANNELS = 132  # low and high of each channel follow, then column and source (a row) of each gathered one
 
 # values of the switches
 STEERING_ANGLE, STEERING_RATE = 0, 1

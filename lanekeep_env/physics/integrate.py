@@ -5,7 +5,8 @@ the start, middle and end of a sub-step: steering exactly (a held command throug
 speed from the profile at the start and with the profile's acceleration from there (the profile is
 linear in v² over arc length, so a car on the centre line keeps it exactly; any other is set right again
 at the next sub-step), or, ``paced``, towards a set speed with a limited acceleration, and no faster than
-the profile, or, ``driven``, with the acceleration of a powertrain.
+the profile, or, ``driven``, with the acceleration of a powertrain, or, ``held``, with what a driver makes of the
+tyres to follow the profile, less what cornering costs.
 Curvature is looked up at every stage.
 """
 
@@ -16,13 +17,19 @@ from typing import Any
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
+from lanekeep_env.physics.load_transfer import LARGEST_ALONG, unchanged
 from lanekeep_env.physics.numeric import clip, larger, like, smaller, sqrt, wrapped
+from lanekeep_env.physics.side_forces import push_of
+from lanekeep_env.physics.single_track import no_drag
 from lanekeep_env.physics.steering import advance_gear, advance_steering
 
 #: A sideslip (rad, on linear tyres) and a yaw rate (rad/s) at which a car is held, so that numbers stay finite.
 LARGEST_SIDESLIP, LARGEST_YAW_RATE = 3.141592653589793, 50.0
-#: Where a car's speed comes from: the road's profile, set speeds that it approaches, or a powertrain.
-PROFILE, PACED, DRIVEN = 0, 1, 2
+#: Where a car's speed comes from: the road's profile, set speeds that it approaches, a powertrain, or a driver who
+#: holds the profile.
+PROFILE, PACED, DRIVEN, HELD = 0, 1, 2, 3
+#: Time in which that driver makes up for a wrong speed, s.
+HOLDING_TIME = 1.0
 #: No car goes faster, m/s; speeds are observed up to it.
 LARGEST_SPEED = 100.0
 
@@ -81,7 +88,37 @@ def _driven_speeds(v, along, squared, slope, target, pull, h, most):
     return v, clip(v + h * like(h, 0.5) * pull, low, high), clip(v + h * pull, low, high)
 
 
-_SPEEDS = {PROFILE: _profile_speeds, PACED: _paced_speeds, DRIVEN: _driven_speeds}
+@inline
+def _held_speeds(v, along, squared, slope, target, pull, h, most):
+    return v, _not_negative(v + h * like(h, 0.5) * pull), _not_negative(v + h * pull)
+
+
+_SPEEDS = {PROFILE: _profile_speeds, PACED: _paced_speeds, DRIVEN: _driven_speeds, HELD: _held_speeds}
+
+
+# Acceleration along, m/s², that the tyres give.
+
+
+@inline
+def _profile_pull(v, r, along, squared, slope, pull, car):
+    return like(v, 0.5) * slope
+
+
+@inline
+def _driven_pull(v, r, along, squared, slope, pull, car):
+    return pull
+
+
+@inline
+def held_pull(v, r, along, squared, slope, pull, car):
+    """What a driver asks for who follows the profile and knows of no drag, with what the circle leaves beside v r."""
+    most = like(v, LARGEST_ALONG) * (car[6] + car[7]) * car[2]
+    left = sqrt(larger(most * most - v * v * r * r, like(v, 1e-4) * most * most))
+    missing = _profile_speed(along, squared, slope) - v
+    return clip(like(v, 0.5) * slope + missing * like(v, 1.0 / HOLDING_TIME), -left, left)
+
+
+_PULLS = {PROFILE: _profile_pull, PACED: _profile_pull, DRIVEN: _driven_pull, HELD: held_pull}
 
 
 # A car's numbers as its model takes them, with the rows of what pushes it from outside or without.
@@ -98,6 +135,21 @@ def _with_push(car, rows, i):
     return car, (weight_[i], headwind_[i], crosswind_[i], area_[i], lever_[i])
 
 
+# Lateral acceleration, m/s², that a car's tyres give: what pushes it from outside transfers no load.
+
+
+@inline
+def _all_of_it(across, v, beta, floor, car):
+    return across
+
+
+@inline
+def _less_the_push(across, v, beta, floor, car):
+    own, push = car
+    force, _ = push_of(v, beta, floor, push)
+    return across - force * own[2]
+
+
 @inline
 def _push_rows(block):
     return block[at.SIDE_WEIGHT], block[at.WIND], block[at.CROSSWIND], block[at.WIND_AREA], block[at.WIND_LEVER]
@@ -105,6 +157,8 @@ def _push_rows(block):
 
 def runge_kutta(rates: Callable[..., Any], name: str) -> Callable[..., Any]:
     """Return the scalar function that takes the state (s, d, theta, beta, r) of a car a sub-step further.
+
+    It returns the rate of beta at the sub-step's start, too.
 
     ``steers`` and ``speeds`` are those at its start, middle and end, ``curvature`` is (at the segment's start, slope).
     """
@@ -134,21 +188,31 @@ def runge_kutta(rates: Callable[..., Any], name: str) -> Callable[..., Any]:
             t + sixth * (t1 + two * (t2 + t3) + t4),
             b + sixth * (b1 + two * (b2 + b3) + b4),
             r + sixth * (r1 + two * (r2 + r3) + r4),
+            b1,
         )
 
     return step
 
 
 def integrator(
-    rates: Callable[..., Any], pace: int, saturates: bool, name: str, pushed: bool = False
+    rates: Callable[..., Any],
+    pace: int,
+    saturates: bool,
+    name: str,
+    tyres: Callable[..., Any] = unchanged,
+    drag: Callable[..., Any] = no_drag,
+    pushed: bool = False,
 ) -> Callable[..., Any]:
     """Return the compiled loop that advances a block of cars by ``rates``, a function of `single_track`.
+
+    ``tyres`` is one of `load_transfer`, ``drag`` one of `single_track`.
 
     A car on tyres that saturate may spin: its sideslip comes round. A linear tyre's force has no end, nor has its spin,
     which is held. ``pushed``: the rates are those of `side_forces.pushed`.
     """
-    numbers_of = _with_push if pushed else _alone
-    step, speeds_of, keeps = runge_kutta(rates, name), _SPEEDS[pace], pace != PROFILE
+    numbers_of, by_tyres = (_with_push, _less_the_push) if pushed else (_alone, _all_of_it)
+    step, speeds_of, pull_of, keeps = runge_kutta(rates, name), _SPEEDS[pace], _PULLS[pace], pace != PROFILE
+    remembers = tyres is not unchanged
 
     @helper
     @named(name)
@@ -161,23 +225,26 @@ def integrator(
         front_, rear_ = block[at.CG_TO_FRONT], block[at.CG_TO_REAR]
         mass_, inertia_ = block[at.INVERSE_MASS], block[at.INVERSE_INERTIA]
         stiff_f_, stiff_r_ = block[at.FRONT_STIFFNESS], block[at.REAR_STIFFNESS]
-        peak_f_, peak_r_ = block[at.FRONT_PEAK], block[at.REAR_PEAK]
+        peak_f_, peak_r_, grip_ = block[at.FRONT_PEAK], block[at.REAR_PEAK], block[at.FRONT_GRIP]
         response_, change_ = block[at.STEER_RESPONSE], block[at.STEER_CHANGE]
         motor_, share_ = block[at.MOTOR], block[at.STEER_GAIN]
-        v_, target_, pull_ = block[at.SPEED], block[at.SPEED_TARGET], block[at.PULL]
+        v_, target_, pull_, across_ = block[at.SPEED], block[at.SPEED_TARGET], block[at.PULL], block[at.ACCELERATION]
         outside = _push_rows(block)
         h, most = settings[at.STEP_TIME], settings[at.SPEED_CHANGE]
         widest, fastest = like(h, LARGEST_SIDESLIP), like(h, LARGEST_YAW_RATE)
         ideal = settings[at.IDEAL_STEERING] > like(h, 0.0)
         for i in range(block.shape[1]):
             x = _not_negative(along_[i])
-            speeds = speeds_of(v_[i], x, squared_[i], gain_[i], target_[i], pull_[i], h, most)
-            if keeps:  # decided when the loop is compiled, as whether there is a gear
-                v_[i] = speeds[2]
-            car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
-            car = numbers_of(car, outside, i)
             begin, command, response, change = steer_[i], command_[i], response_[i], change_[i]
             begin = command if ideal else begin  # the road wheel follows at once
+            car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
+            pull = pull_of(v_[i], r_[i], x, squared_[i], gain_[i], pull_[i], car)
+            across = by_tyres(across_[i], v_[i], beta_[i], floor, numbers_of(car, outside, i))
+            car_now = tyres(car, grip_[i], pull, across, settings)
+            pull -= drag(beta_[i], r_[i], begin, v_[i], car_now)
+            speeds = speeds_of(v_[i], x, squared_[i], gain_[i], target_[i], pull, h, most)
+            if keeps:  # decided when the loop is compiled, as whether there is a gear
+                v_[i] = speeds[2]
             if gear is None:
                 middle = advance_steering(begin, command, response, change)
                 end = advance_steering(middle, command, response, change)
@@ -187,8 +254,12 @@ def integrator(
                 motor, end = advance_gear(motor, middle, command, response, gain, change, gap, on_motor)
                 motor_[i] = motor
             state = along_[i], d_[i], theta_[i], beta_[i], r_[i]
-            state = step(state, (begin, middle, end), speeds, (curvature_[i], slope_[i]), car, h)
-            along_[i], d_[i], theta_[i], beta, r = state
+            state = step(
+                state, (begin, middle, end), speeds, (curvature_[i], slope_[i]), numbers_of(car_now, outside, i), h
+            )
+            if remembers:  # the lateral acceleration at the sub-step's start
+                across_[i] = speeds[0] * (state[5] + r_[i])
+            along_[i], d_[i], theta_[i], beta, r, _ = state
             beta_[i] = wrapped(beta) if saturates else clip(beta, -widest, widest)
             r_[i] = clip(r, -fastest, fastest)
             steer_[i] = end
@@ -196,29 +267,39 @@ def integrator(
     return advance
 
 
-def shower(outputs: Callable[..., Any], pace: int, name: str, pushed: bool = False) -> Callable[..., Any]:
+def shower(
+    outputs: Callable[..., Any],
+    pace: int,
+    name: str,
+    tyres: Callable[..., Any] = unchanged,
+    pushed: bool = False,
+) -> Callable[..., Any]:
     """Return the compiled loop that writes speed, sideslip, yaw rate and lateral acceleration of cars."""
-    keeps_speed, numbers_of = pace != PROFILE, _with_push if pushed else _alone
+    keeps_speed, pull_of = pace != PROFILE, _PULLS[pace]
+    numbers_of, by_tyres = (_with_push, _less_the_push) if pushed else (_alone, _all_of_it)
 
     @helper
     @named(name)
-    def show(block, floor):
+    def show(block, settings, floor):
         """Write the rows SPEED, SIDESLIP, YAW_RATE and ACCELERATION of a block; wrap its headings."""
         along_, speed_, gain_ = block[at.ALONG], block[at.SPEED_SQUARED], block[at.SPEED_SQUARED_SLOPE]
         theta_, beta_, r_, steer_ = block[at.HEADING], block[at.SIDESLIP], block[at.YAW_RATE], block[at.STEER]
         front_, rear_ = block[at.CG_TO_FRONT], block[at.CG_TO_REAR]
         mass_, inertia_ = block[at.INVERSE_MASS], block[at.INVERSE_INERTIA]
         stiff_f_, stiff_r_ = block[at.FRONT_STIFFNESS], block[at.REAR_STIFFNESS]
-        peak_f_, peak_r_ = block[at.FRONT_PEAK], block[at.REAR_PEAK]
-        v_, acceleration_, outside = block[at.SPEED], block[at.ACCELERATION], _push_rows(block)
+        peak_f_, peak_r_, grip_ = block[at.FRONT_PEAK], block[at.REAR_PEAK], block[at.FRONT_GRIP]
+        v_, acceleration_, pull_ = block[at.SPEED], block[at.ACCELERATION], block[at.PULL]
+        outside = _push_rows(block)
         for i in range(block.shape[1]):
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
-            car = numbers_of(car, outside, i)
             v = v_[i] if keeps_speed else _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
             v_[i] = v
             theta_[i] = wrapped(theta_[i])
             beta = clip(beta_[i], -like(v, LARGEST_SIDESLIP), like(v, LARGEST_SIDESLIP))
             r = clip(r_[i], -like(v, LARGEST_YAW_RATE), like(v, LARGEST_YAW_RATE))
-            beta_[i], r_[i], acceleration_[i] = outputs(beta, r, steer_[i], v, car)
+            pull = pull_of(v, r, _not_negative(along_[i]), speed_[i], gain_[i], pull_[i], car)
+            across = by_tyres(acceleration_[i], v, beta, floor, numbers_of(car, outside, i))
+            car_now = numbers_of(tyres(car, grip_[i], pull, across, settings), outside, i)
+            beta_[i], r_[i], acceleration_[i] = outputs(beta, r, steer_[i], v, car_now)
 
     return show

@@ -85,6 +85,13 @@ class VehicleParameters:
             radian times reference area. None for 0.62 of length times width, 5 m² of a passenger car (stated here).
         wind_lever: centre of wind pressure ahead of the centre of gravity, m; None for 0.17 of the wheelbase ahead of
             the middle between the axles (stated here).
+        cg_height: of the centre of gravity above the road, m; None for a fifth of the wheelbase. This and the following
+            are read by ``tyre="load_sensitive"`` alone.
+        track_width: between the wheels of an axle, m; None for 0.85 of the body's width.
+        front_roll_stiffness: share of the front axle in the car's roll stiffness.
+        friction_load_sensitivity: share of the tyres' friction that is lost as their load doubles from that of the car
+            at rest; linear in the load.
+        stiffness_load_sensitivity: the same of their cornering stiffness over load.
         source: where the numbers come from.
     """
 
@@ -102,6 +109,11 @@ class VehicleParameters:
     wheel_radius: float = 0.3
     side_area: float | None = None
     wind_lever: float | None = None
+    cg_height: float | None = None
+    track_width: float | None = None
+    front_roll_stiffness: float = 0.55
+    friction_load_sensitivity: float = 0.15
+    stiffness_load_sensitivity: float = 0.25
     source: str = "user"
 
     def __post_init__(self) -> None:
@@ -118,6 +130,11 @@ class VehicleParameters:
         require("vehicle.wheel_radius", self.wheel_radius, "m", at_least=1e-3, at_most=10.0)
         require("vehicle.side_area", self.side_area, "m²", at_least=0.0, at_most=1e3, optional=True)
         require("vehicle.wind_lever", self.wind_lever, "m", at_least=-100.0, at_most=100.0, optional=True)
+        require("vehicle.cg_height", self.cg_height, "m", at_least=0.0, at_most=20.0, optional=True)
+        require("vehicle.track_width", self.track_width, "m", at_least=1e-3, at_most=100.0, optional=True)
+        require("vehicle.front_roll_stiffness", self.front_roll_stiffness, "(a share)", at_least=0.0, at_most=1.0)
+        for name in ("friction_load_sensitivity", "stiffness_load_sensitivity"):
+            require(f"vehicle.{name}", getattr(self, name), "(a share)", at_least=0.0, at_most=0.3)
         for name in ("name", "source"):
             require_line(f"vehicle.{name}", getattr(self, name))
         if not isinstance(self.steering, SteeringActuator):
@@ -136,11 +153,32 @@ class VehicleParameters:
         area = _SIDE_SHARE * self.length * self.width if self.side_area is None else self.side_area
         return area, middle + _WIND_SHARE * self.wheelbase if self.wind_lever is None else self.wind_lever
 
+    @property
+    def height(self) -> float:
+        """Of the centre of gravity above the road, m."""
+        return 0.2 * self.wheelbase if self.cg_height is None else self.cg_height
+
+    @property
+    def track(self) -> float:
+        """Between the wheels of an axle, m."""
+        return 0.85 * self.width if self.track_width is None else self.track_width
+
 
 def _commonroad(
-    number: int, mass: float, inertia: float, front: float, rear: float, size: tuple[float, float], angle: float
+    number: int,
+    mass: float,
+    inertia: float,
+    front: float,
+    rear: float,
+    size: tuple[float, float],
+    angle: float,
+    roll: tuple[float, float, float],
 ) -> VehicleParameters:
-    """A CommonRoad vehicle; its normalised stiffness C_S becomes C = mu C_S m g l_other / l, mu C_S = -p_ky1."""
+    """A CommonRoad vehicle; its normalised stiffness C_S becomes C = mu C_S m g l_other / l, mu C_S = -p_ky1.
+
+    ``roll`` is h_cg, the mean of T_f and T_r, and the front's share of K_s T²/2 - K_ts; its tyres are proportional to
+    their load.
+    """
     scale = 21.92 * mass * GRAVITY / (front + rear)
     return VehicleParameters(
         name=f"commonroad-{number}",
@@ -153,9 +191,38 @@ def _commonroad(
         steering=SteeringActuator(rate_limit=0.4, angle_limit=angle),
         length=size[0],
         width=size[1],
+        cg_height=roll[0],
+        track_width=roll[1],
+        front_roll_stiffness=roll[2],
+        friction_load_sensitivity=0.0,
+        stiffness_load_sensitivity=0.0,
         source=f"CommonRoad vehicle models 2020a, vehicle {number} (Althoff, Koschi, Manzinger 2017)",
     )
 
+
+_COMMONROAD: tuple[tuple[Any, ...], ...] = (
+    (1, 1225.8878467253344, 1538.8533713561394, 0.88392, 1.50876, (4.298, 1.674), 0.91, (0.558, 1.407, 0.605)),
+    (
+        2,
+        1093.2952334674046,
+        1791.5995300122856,
+        1.1561957064,
+        1.4227170936,
+        (4.508, 1.61),
+        1.066,
+        (0.575, 1.375, 0.593),
+    ),
+    (
+        3,
+        1478.8979637767998,
+        2473.1176915564442,
+        1.1507916024,
+        1.3211363976,
+        (4.569, 1.844),
+        1.023,
+        (0.748, 1.559, 0.582),
+    ),
+)
 
 VEHICLES: dict[str, VehicleParameters] = {
     car.name: car
@@ -246,9 +313,26 @@ VEHICLES: dict[str, VehicleParameters] = {
                 "0.93 m; wheel, mass and tyres are stated here as those of a 1:10 car"
             ),
         ),
-        _commonroad(1, 1225.8878467253344, 1538.8533713561394, 0.88392, 1.50876, (4.298, 1.674), 0.91),
-        _commonroad(2, 1093.2952334674046, 1791.5995300122856, 1.1561957064, 1.4227170936, (4.508, 1.61), 1.066),
-        _commonroad(3, 1478.8979637767998, 2473.1176915564442, 1.1507916024, 1.3211363976, (4.569, 1.844), 1.023),
+        VehicleParameters(
+            name="f1tenth",
+            mass=3.74,
+            yaw_inertia=0.04712,
+            cg_to_front_axle=0.15875,
+            cg_to_rear_axle=0.17145,
+            front_cornering_stiffness=1.0489 * 4.718 * 3.74 * GRAVITY * 0.17145 / 0.3302,
+            rear_cornering_stiffness=1.0489 * 5.4562 * 3.74 * GRAVITY * 0.15875 / 0.3302,
+            steering=SteeringActuator(rate_limit=3.2, angle_limit=0.4189),
+            length=0.58,
+            width=0.31,
+            wheel_radius=0.05,
+            cg_height=0.074,
+            source=(
+                "F1TENTH, 1:10: the identified parameters of f1tenth_gym (O'Kelly, Zheng, Karthik, Mangharam 2020, "
+                "PMLR 123), axle stiffness = mu C_S times the axle's load; its friction is 1.0489, its largest "
+                "acceleration 9.51 m/s²; the wheel's radius is stated here"
+            ),
+        ),
+        *(_commonroad(*row) for row in _COMMONROAD),
     )
 }
 

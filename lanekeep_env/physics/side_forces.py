@@ -39,7 +39,7 @@ def wind_force(v, beta, headwind, crosswind, area):
 
 
 @inline
-def _push(v, beta, floor, push):
+def push_of(v, beta, floor, push):
     """Return side force, N, and yaw moment, N m; ``push`` is (side weight, headwind, crosswind, area, lever)."""
     weight, headwind, crosswind, area, lever = push
     wind = wind_force(v, beta, headwind, crosswind, area)
@@ -75,7 +75,7 @@ def pushed(
     def pushed_rates(d, theta, beta, r, steer, v, kappa, car):
         own, push = car
         s_rate, d_rate, theta_rate, beta_rate, r_rate = rates(d, theta, beta, r, steer, v, kappa, own)
-        force, moment = _push(v, beta, own[8], push)
+        force, moment = push_of(v, beta, own[8], push)
         floored = larger(magnitude(v), slip_speed_floor(v, own[8]))
         floored = select(v < like(v, 0.0), -floored, floored)  # backwards sideslip grows the other way
         beta_rate += across(force, beta) * own[2] / floored
@@ -86,7 +86,7 @@ def pushed(
     def pushed_outputs(beta, r, steer, v, car):
         own, push = car
         beta, r, acceleration = outputs(beta, r, steer, v, own)
-        force, _ = _push(v, beta, own[8], push)
+        force, _ = push_of(v, beta, own[8], push)
         return beta, r, acceleration + across(force, beta) * own[2]
 
     return pushed_rates, pushed_outputs

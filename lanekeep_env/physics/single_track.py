@@ -134,13 +134,25 @@ def dynamic_magic_formula(d, theta, beta, r, steer, v, kappa, car):
     beta' = -r + (F_f cos(delta - beta) + F_r cos beta)/(m v), r' = (F_f l_f cos delta - F_r l_r)/J.
     ``v`` is the speed of the centre of gravity along its course.
     """
-    return _magic_formula_rates(d, theta, beta, r, steer, v, like(v, 1.0), kappa, car)
+    return _magic_formula_rates((d, theta, beta, r), steer, v, like(v, 1.0), kappa, car, None)
 
 
 @inline
 def dynamic_both_ways(d, theta, beta, r, steer, v, kappa, car):
     """The same, backwards as well, where ``v`` is negative and sideslip stays velocity across over velocity along."""
-    return _magic_formula_rates(d, theta, beta, r, steer, v, _way(v), kappa, car)
+    return _magic_formula_rates((d, theta, beta, r), steer, v, _way(v), kappa, car, None)
+
+
+@inline
+def load_sensitive(d, theta, beta, r, steer, v, kappa, car):
+    """The same on the tyres that `load_transfer` leaves; ``car`` is one of its."""
+    return _magic_formula_rates((d, theta, beta, r), steer, v, like(v, 1.0), kappa, car, car[9])
+
+
+@inline
+def load_sensitive_both_ways(d, theta, beta, r, steer, v, kappa, car):
+    """The same, backwards as well."""
+    return _magic_formula_rates((d, theta, beta, r), steer, v, _way(v), kappa, car, car[9])
 
 
 @inline
@@ -150,11 +162,15 @@ def _way(v):
 
 
 @inline
-def _magic_formula_rates(d, theta, beta, r, steer, v, way, kappa, car):
+def _magic_formula_rates(state, steer, v, way, kappa, car, offset):
+    """``offset`` is by how much the front axle's force acts to the right of the middle, m, or None."""
+    d, theta, beta, r = state
     front, rear, sin_b, cos_b, sin_d, cos_d = magic_formula_forces(beta, r, steer, v, way, car)
     across = front * (cos_d * cos_b + sin_d * sin_b) + rear * cos_b
     beta_rate = across * car[2] / (way * larger(way * v, slip_speed_floor(v, car[8]))) - r
     r_rate = (front * car[0] * cos_d - rear * car[1]) * car[3]
+    if offset is not None:  # known when a kernel is compiled
+        r_rate -= front * offset * sin_d * car[3]
     s_rate, d_rate, theta_rate = path_rates(v, like(v, 0.0), theta + beta, r, d, kappa)
     return s_rate, d_rate, theta_rate, beta_rate, r_rate
 
@@ -202,3 +218,19 @@ def both_ways_outputs(beta, r, steer, v, car):
 def _magic_formula_shown(beta, r, steer, v, way, car):
     front, rear, sin_b, cos_b, sin_d, cos_d = magic_formula_forces(beta, r, steer, v, way, car)
     return beta, r, (front * (cos_d * cos_b + sin_d * sin_b) + rear * cos_b) * car[2]
+
+
+# What cornering costs: the deceleration by tyre forces across the wheels, which point backwards in part, m/s².
+
+
+@inline
+def no_drag(beta, r, steer, v, car):
+    """None, of a car whose speed is imposed."""
+    return like(v, 0.0)
+
+
+@inline
+def cornering_drag(beta, r, steer, v, car):
+    """(F_f sin(delta - beta) - F_r sin beta)/m, along the course."""
+    front, rear, sin_b, cos_b, sin_d, cos_d = magic_formula_forces(beta, r, steer, v, like(v, 1.0), car)
+    return (front * (sin_d * cos_b - cos_d * sin_b) - rear * sin_b) * car[2]

@@ -67,6 +67,8 @@ class LimitedSpeed(_AlongRoad):
         minimum: m/s, kept even where the lateral limit asks for less; None for the road's own (Yin's
             road: 68 km/h, all others none).
         acceleration, deceleration: largest longitudinal ones, m/s², both positive.
+        friction_ellipse: whether longitudinal and lateral acceleration stay within the ellipse of their limits, and not
+            each below its own; friction then bounds all three. Always with ``tyre="load_sensitive"``.
     """
 
     lateral_acceleration: float = 0.4 * 9.81
@@ -74,6 +76,7 @@ class LimitedSpeed(_AlongRoad):
     minimum: float | None = None
     acceleration: float = 2.0
     deceleration: float = 3.0
+    friction_ellipse: bool = False
 
     def __post_init__(self) -> None:
         require("speed.lateral_acceleration", self.lateral_acceleration, "m/s²", at_least=1e-3, at_most=1000.0)
@@ -82,6 +85,10 @@ class LimitedSpeed(_AlongRoad):
         ordered(self, "speed", "minimum", "maximum")
         require("speed.acceleration", self.acceleration, "m/s²", at_least=1e-3, at_most=1e5)
         require("speed.deceleration", self.deceleration, "m/s²", at_least=1e-3, at_most=1e5)
+        if not isinstance(self.friction_ellipse, bool):
+            raise ValueError(
+                f"speed.friction_ellipse={shown(self.friction_ellipse)} is not allowed: it must be True or False"
+            )
         plain_numbers(self)
 
     def to_dict(self) -> dict[str, Any]:
@@ -95,7 +102,9 @@ class LimitedSpeed(_AlongRoad):
 
     @property
     def lateral_limit(self) -> float:
-        """Largest lateral acceleration, m/s², 0 for none."""
+        """Largest lateral acceleration, m/s², 0 for none; with the ellipse the largest of any direction."""
+        if self.friction_ellipse:
+            return max(self.lateral_acceleration, self.acceleration, self.deceleration)
         return self.lateral_acceleration
 
     def along(self, road: Road, minimum: float | None = None) -> tuple[Road, Floats]:
@@ -116,14 +125,34 @@ class LimitedSpeed(_AlongRoad):
         laps = 3 if road.closed else 1
         limit = np.tile(limit, laps)
         border = np.minimum(np.append(limit, limit[-1]), np.append(limit[0], limit))
-        station = np.concatenate([[0.0], np.cumsum(np.tile(road.lengths, laps))])
-        brake = 2.0 * self.deceleration * station
-        border = np.minimum.accumulate((border + brake)[::-1])[::-1] - brake
-        gain = 2.0 * self.acceleration * station
-        border = np.minimum.accumulate(border - gain) + gain
+        lengths = np.tile(road.lengths, laps)
+        if self.friction_ellipse:
+            bend = np.tile((tightest / self.lateral_acceleration) ** 2, laps)
+            border = _within_ellipse(border[::-1], 2.0 * self.deceleration * lengths[::-1], bend[::-1])[::-1]
+            border = _within_ellipse(border, 2.0 * self.acceleration * lengths, bend)
+        else:
+            station = np.concatenate([[0.0], np.cumsum(lengths)])
+            brake = 2.0 * self.deceleration * station
+            border = np.minimum.accumulate((border + brake)[::-1])[::-1] - brake
+            gain = 2.0 * self.acceleration * station
+            border = np.minimum.accumulate(border - gain) + gain
         n = len(road.lengths)
         squared = border[n : 2 * n + 1] if road.closed else border
         return road, np.sqrt(squared)
+
+
+def _within_ellipse(squared: Floats, most: Floats, bend: Floats) -> Floats:
+    """Return the squared speeds (n + 1,), m²/s², lowered so that none is gained faster than the ellipse allows.
+
+    ``most`` (n,) is what a segment gains without lateral acceleration, ``bend`` (n,) its (curvature / limit)², s⁴/m⁴.
+    From w to W: ((W - w)/most)² + bend W² <= 1, at the segment's end, where the lateral acceleration is largest.
+    """
+    result = squared.copy()
+    for i, (reach, a) in enumerate(zip(most.tolist(), bend.tolist(), strict=True)):
+        w, b = result[i], 1.0 / (reach * reach)
+        end = (b * w + math.sqrt(max(a + b - a * b * w * w, 0.0))) / (a + b)
+        result[i + 1] = min(result[i + 1], max(end, w))
+    return result
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require
-from lanekeep_env.physics.integrate import DRIVEN, LARGEST_SPEED, PROFILE
+from lanekeep_env.physics.integrate import DRIVEN, HELD, LARGEST_SPEED, PROFILE
 from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
 from lanekeep_env.randomisation import (
@@ -253,7 +253,7 @@ class CarScenario(ScenarioRecord):
             at.STEP_TIME: step,
             at.SUBSTEPS: substeps,
             at.SLIPS: self.model.slips,
-            at.SATURATES: self.model.saturates and self.model.pace == PROFILE,
+            at.SATURATES: self.model.saturates and self.model.pace in (PROFILE, HELD),
             at.FRONT_SPEED: self.model.front_speed,
             at.POWERED: self.model.pace == DRIVEN,
             at.IDEAL_STEERING: steering.lag == 0.0 and steering.rate_limit is None,

@@ -87,7 +87,12 @@ def rolling(vehicle: VehicleParameters, step: float, fastest: float, steering_an
 
 
 def slipping(
-    vehicle: VehicleParameters, drawn: Randomisation, step: float, slowest: Callable[[], float], fastest: float
+    vehicle: VehicleParameters,
+    drawn: Randomisation,
+    step: float,
+    slowest: Callable[[], float],
+    fastest: float,
+    pull: float | None = None,
 ) -> Integration:
     """Return the integration of a car on tyres, so that no car that is drawn leaves RK4's region of stability.
 
@@ -97,26 +102,46 @@ def slipping(
         step: s, divided as often as need be.
         slowest: the lowest speed of all episodes, m/s; asked only where standstill would need a shorter step.
         fastest: the largest one.
+        pull: largest acceleration along that changes the tyres' loads, m/s²; None where it does not.
 
     Raises:
         ValueError: the step would have to be divided more than `MOST_DIVISIONS` times, or the centre of gravity leaves
             the wheelbase.
     """
     _check_shift(vehicle, drawn)
-    cars = Cars.drawn(vehicle, drawn)
-    floor = cars.slip_speed_floor()
-    divisions = _needed(cars, step, 0.0, fastest, floor)
+
+    def bound(car: VehicleParameters) -> _Bound:
+        cars = Cars.drawn(car, drawn)
+        if pull is None:
+            return _Bound(cars, cars.slip_speed_floor())
+        return _Bound(cars.on_loads(car, (-pull, 0.0, pull)), cars.on_loads(car, (0.0,)).slip_speed_floor())
+
+    found = bound(vehicle)
+    floor = found.floor
+    divisions = found.divisions(step, 0.0, fastest)
     if divisions > 1:
         low = slowest()
-        divisions = _needed(cars, step, low, fastest, floor)
+        divisions = found.divisions(step, low, fastest)
         if divisions > MOST_DIVISIONS:
-            raise ValueError(_refusal(vehicle, drawn, step, low, fastest))
+            raise ValueError(_refusal(vehicle, bound, step, low, fastest))
     _warn_of_odd(vehicle)
     return Integration(step / divisions, floor)
 
 
-def _needed(cars: Cars, step: float, slowest: float, fastest: float, floor: float) -> int:
-    return _divisions(cars.largest_eigenvalue(slowest, fastest, floor) * step / LARGEST_PRODUCT)
+@dataclass(frozen=True)
+class _Bound:
+    """The cars that can occur, and their slip-speed floor, m/s."""
+
+    cars: Cars
+    floor: float
+
+    def fastest_mode(self, slowest: float, fastest: float) -> float:
+        """Largest |eigenvalue| between two speeds (m/s), 1/s."""
+        return self.cars.largest_eigenvalue(slowest, fastest, self.floor)
+
+    def divisions(self, step: float, slowest: float, fastest: float) -> int:
+        """Into how many steps one (s) is divided between two speeds, m/s."""
+        return _divisions(self.fastest_mode(slowest, fastest) * step / LARGEST_PRODUCT)
 
 
 def _divisions(times: float) -> int:
@@ -134,17 +159,21 @@ def _check_shift(vehicle: VehicleParameters, drawn: Randomisation) -> None:
         )
 
 
-def _refusal(vehicle: VehicleParameters, drawn: Randomisation, step: float, slowest: float, fastest: float) -> str:
+def _refusal(
+    vehicle: VehicleParameters,
+    bound: Callable[[VehicleParameters], _Bound],
+    step: float,
+    slowest: float,
+    fastest: float,
+) -> str:
     """Name the fields that are most likely wrong, what they may be, and the unit that they may have been given in."""
     fields, guess = _suspects(vehicle)
     given = " and ".join(f"vehicle.{field}={shown(getattr(vehicle, field))}" for field in fields)
     others = ", ".join(f"{name}={getattr(vehicle, name):g}" for name in _UNITS if name not in fields)
-    cars = Cars.drawn(vehicle, drawn)
-    answer = 1.0 / cars.largest_eigenvalue(slowest, fastest, cars.slip_speed_floor())
+    answer = 1.0 / bound(vehicle).fastest_mode(slowest, fastest)
 
     def borne(factor: float) -> bool:
-        changed = Cars.drawn(_changed(vehicle, fields, factor), drawn)
-        return _needed(changed, step, slowest, fastest, changed.slip_speed_floor()) <= MOST_DIVISIONS
+        return bound(_changed(vehicle, fields, factor)).divisions(step, slowest, fastest) <= MOST_DIVISIONS
 
     return (
         f"{given} is not allowed: with {others} the car answers within {answer:.1e} s at {slowest:g} m/s, too fast to "

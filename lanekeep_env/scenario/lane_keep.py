@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, require
+from lanekeep_env.checks import choose, require, shown
 from lanekeep_env.physics import models
+from lanekeep_env.physics.integrate import HELD
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.randomisation import FRICTION_SHARE
 from lanekeep_env.roads import (
@@ -31,8 +32,14 @@ _MODELS = {
     ("kinematic", "magic_formula"): models.KINEMATIC,
     ("dynamic", "linear"): models.LINEAR,
     ("dynamic", "magic_formula"): models.MAGIC_FORMULA,
+    ("kinematic", "load_sensitive"): models.KINEMATIC,
+    ("dynamic", "load_sensitive"): models.LOAD_SENSITIVE,
 }
+#: The same with cornering drag.
+_HELD = {models.MAGIC_FORMULA: models.MAGIC_FORMULA_HELD, models.LOAD_SENSITIVE: models.LOAD_SENSITIVE_HELD}
 
+#: Kinds of tyres.
+TYRES = ("linear", "magic_formula", "load_sensitive")
 #: Steering that a road asks for by default, rad: usual, widest, and the margin to its sharpest curve.
 _USUAL, _WIDEST, _MARGIN = 0.15, 1.2, 1.5
 #: How much longer a lap takes than the profile of its centre.
@@ -62,7 +69,11 @@ class LaneKeepScenario(RoadScenario):
         speed: m/s, a mapping of `LimitedSpeed`, or "file" for what the road's file gives; 0.4 g of lateral acceleration
             and 180 km/h by default.
         dynamics: "dynamic" (sideslip and tyres) or "kinematic" (no slip).
-        tyre: "linear" or "magic_formula" (saturates at friction times load); dynamic car only.
+        tyre: "linear", "magic_formula" (saturates at friction times load) or "load_sensitive"; dynamic car only. The
+            last one is honest at the limit: load transfer, friction and stiffness that fall with load, combined slip
+            (see `load_transfer`), and a speed profile within the friction ellipse.
+        cornering_drag: whether the tyres' drag in bends slows the car down; a driver then holds the profile's speed,
+            who makes up for what is missing in 1 s. Otherwise the profile's speed is imposed. Saturating tyres only.
         friction: road friction coefficient; saturating tyres only.
         preview: number of curvature samples in the observation, the first one at the car.
         preview_interval: time between preview samples at the present speed, s.
@@ -74,6 +85,7 @@ class LaneKeepScenario(RoadScenario):
 
     dynamics: str = "dynamic"
     tyre: str = "linear"
+    cornering_drag: bool = False
     friction: float = 1.0
     preview: int = 0
     preview_interval: float = 0.1
@@ -92,12 +104,20 @@ class LaneKeepScenario(RoadScenario):
             "only saturating tyres know it: tyre='magic_formula' with dynamics='dynamic'",
             lambda s: s.model.saturates,
         ),
+        Need(
+            "cornering_drag",
+            "drag of the tyres in bends",
+            "only saturating tyres know what is left to hold the speed: tyre='magic_formula' with dynamics='dynamic'",
+            lambda s: s.model.saturates,
+        ),
     )
 
     def _settle(self) -> None:
         if isinstance(self.speed, FileSpeed) and self.speed.maximum is None:
             largest = max(float(speeds.max()) for _, speeds in road_set(self.road, self.speed))
             object.__setattr__(self, "speed", FileSpeed(largest))
+        if self.model.transfers_load and isinstance(self.speed, LimitedSpeed):
+            object.__setattr__(self, "speed", replace(self.speed, friction_ellipse=True))
         super()._settle()
         if self.max_steering_angle is None:
             sharpest = max(road.peak_curvature for road, _ in road_set(self.road, self.speed))
@@ -113,7 +133,9 @@ class LaneKeepScenario(RoadScenario):
 
     def _check(self) -> None:
         choose("dynamics", self.dynamics, ("dynamic", "kinematic"))
-        choose("tyre", self.tyre, ("linear", "magic_formula"))
+        choose("tyre", self.tyre, TYRES)
+        if not isinstance(self.cornering_drag, bool):
+            raise ValueError(f"cornering_drag={shown(self.cornering_drag)} is not allowed: it must be True or False")
         require("friction", self.friction, "", at_least=1e-3, at_most=2.0)
         require("preview", self.preview, "samples", at_least=0, at_most=1000, whole=True)
         require("preview_interval", self.preview_interval, "s", at_least=1e-4, at_most=60.0)
@@ -122,11 +144,22 @@ class LaneKeepScenario(RoadScenario):
     @property
     def model(self) -> models.CarModel:
         """The vehicle model."""
-        return _MODELS[self.dynamics, self.tyre]
+        model = _MODELS[self.dynamics, self.tyre]
+        return _HELD.get(model, model) if self.cornering_drag else model
 
     def numbers(self) -> dict[int, Any]:
         """The kernel's settings by row of `layout`."""
-        return {**super().numbers(), at.PREVIEW: self.preview, at.PREVIEW_TIME: self.preview_interval}
+        car = self.vehicle
+        lever, front = 2.0 * car.height / car.track, car.front_roll_stiffness
+        return {
+            **super().numbers(),
+            at.PREVIEW: self.preview,
+            at.PREVIEW_TIME: self.preview_interval,
+            at.CG_HEIGHT: car.height,
+            at.ROLL_FRONT: (front * lever, (1.0 - front) * lever),
+            at.FRICTION_SENSITIVITY: (car.friction_load_sensitivity, car.stiffness_load_sensitivity),
+            at.HALF_TRACK: 0.5 * car.track,
+        }
 
     @property
     def _friction(self) -> float:
@@ -134,6 +167,8 @@ class LaneKeepScenario(RoadScenario):
 
     def _slowest(self) -> float:
         """Lowest speed of the profile on any of the roads, where it is slowed down the most, m/s."""
+        if self.model.pace == HELD:
+            return 0.0
         slowest = min(float(speeds.min()) for _, speeds in road_set(self.road, self.speed))
         return slowest * math.sqrt(self._factor)
 

@@ -12,12 +12,13 @@ from lanekeep_env import layout as at
 from lanekeep_env.checks import require, shown
 from lanekeep_env.physics import models
 from lanekeep_env.physics.integrate import LARGEST_SPEED
+from lanekeep_env.physics.load_transfer import LARGEST_ALONG
 from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
 from lanekeep_env.physics.powertrain_parameters import Powertrain, powertrain_from
 from lanekeep_env.roads import RandomRoads, RoadSpec, SpeedSpec, speed_from
 from lanekeep_env.scenario.base import Channel
 from lanekeep_env.scenario.disturbances import bounds_from
-from lanekeep_env.scenario.effects import Need
+from lanekeep_env.scenario.effects import Need, never
 from lanekeep_env.scenario.lane_keep import LaneKeepScenario
 from lanekeep_env.scenario.traffic import LARGEST_BACKWARDS
 from lanekeep_env.sensing.faults import MANOEUVRE_SENSOR_SETS, SensorSets
@@ -29,10 +30,6 @@ def _slope_from(value: Any) -> tuple[float, float]:
 
 def _wind_from(value: Any) -> tuple[float, float]:
     return bounds_from("wind", "m/s", -40.0, 40.0, value)
-
-
-#: Share of the friction that engine and brake take at the most, with the friction circle.
-LARGEST_ALONG = 0.95
 
 
 @dataclass(frozen=True)
@@ -77,7 +74,8 @@ class PoweredScenario(LaneKeepScenario):
         "wind": _wind_from,
     }
     _needs: ClassVar[tuple[Need, ...]] = (
-        *LaneKeepScenario._needs,
+        *(need for need in LaneKeepScenario._needs if need.field != "cornering_drag"),
+        Need("cornering_drag", "drag of the tyres in bends", "the pedals set the speed", never),
         Need(
             "powertrain.creep_speed",
             "speed at which creeping ends",
@@ -92,16 +90,16 @@ class PoweredScenario(LaneKeepScenario):
         require("reference_speed_error", self.reference_speed_error, "m/s", at_least=1e-3, at_most=1e3)
         super()._check()
         self.powertrain.check(self.vehicle.mass * self.occurring.mass[0])
-        if (self.dynamics, self.tyre) != ("dynamic", "magic_formula"):
+        if self.dynamics != "dynamic" or self.tyre == "linear":
             raise ValueError(
                 f"dynamics={self.dynamics!r} with tyre={self.tyre!r} is not allowed: the car with a powertrain is "
-                "'dynamic' on 'magic_formula' tyres"
+                "'dynamic' on 'magic_formula' or 'load_sensitive' tyres"
             )
 
     @property
     def model(self) -> models.CarModel:
         """The vehicle model."""
-        return models.POWERED
+        return models.LOAD_SENSITIVE_POWERED if self.tyre == "load_sensitive" else models.POWERED
 
     def numbers(self) -> dict[int, Any]:
         """The kernel's settings by row of `layout`."""

@@ -12,6 +12,8 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require
+from lanekeep_env.physics.load_transfer import LARGEST_ALONG
+from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.randomisation import Randomisation, Range
 from lanekeep_env.roads import RandomRoads, Road, RoadSpec, road_from, road_set
 from lanekeep_env.scenario import disturbances
@@ -144,7 +146,15 @@ class RoadScenario(CarScenario):
     def integration(self) -> Integration:
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
         if self.model.slips:
-            return slipping(self.vehicle, self.occurring, self.base_step, self._slowest, self._fastest)
+            pull = LARGEST_ALONG * GRAVITY * self._friction * self.occurring.friction[1]
+            return slipping(
+                self.vehicle,
+                self.occurring,
+                self.base_step,
+                self._slowest,
+                self._fastest,
+                pull if self.model.transfers_load else None,
+            )
         try:
             return rolling(self.vehicle, self.base_step, self._fastest, self.widest_angle)
         except ValueError:  # which a road on which no car gets so fast does not take

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -257,15 +258,35 @@ def test_a_quarter_of_a_car_steers_as_the_whole(name: str) -> None:
 @pytest.mark.parametrize("name", ["lq-preview", "lq-preview-offset-free"])
 def test_a_model_car_stays_within_its_narrow_lane(name: str) -> None:
     """Bends of 0.8 m radius in a lane of 0.9 m, as tracks for cars of scale 1:10 have them."""
-    bend = [(0.6, 0.0, 1.25), (1.5, 1.25, 1.25), (0.6, 1.25, 0.0), (4.0, 0.0, 0.0)]
+    keywords = {"road": narrow_bends(1.25), "vehicle": "knightriders", "dynamics": "kinematic", "preview": 16}
+    assert drives_all(name, **keywords)
+
+
+@pytest.mark.parametrize("name", ["lq-preview-offset-free", "stanley"])
+@pytest.mark.parametrize("tyre", ["linear", "magic_formula"])
+def test_the_f1tenth_car_slips_through_narrow_bends(name: str, tyre: str) -> None:
+    """At up to 5 m/s on a friction of 1.0489, in bends at 4 m/s²: it slips, and is steered at 3.2 rad/s at the most."""
+    keywords = {"road": narrow_bends(0.8), "vehicle": "f1tenth", "tyre": tyre, "preview": 21, "preview_interval": 0.05}
+    if tyre == "magic_formula":
+        keywords["friction"] = 1.0489
+    speed = {"lateral_acceleration": 4.0, "maximum": 5.0}
+    assert drives_all(name, **keywords, speed=speed, control_step=0.02)
+
+
+def narrow_bends(curvature: float) -> dict[str, Any]:
+    bend = [(0.6, 0.0, curvature), (1.5, curvature, curvature), (0.6, curvature, 0.0), (4.0, 0.0, 0.0)]
     other = [(length, -start, -end) for length, start, end in bend]
-    road = {"kind": "clothoids", "segments": [(4.0, 0.0, 0.0), *4 * [*bend, *other]]}
-    keywords = {"road": road, "vehicle": "knightriders", "dynamics": "kinematic", "lane_width": 0.9, "preview": 16}
-    env = gym.make("lanekeep/LaneKeep-v0", episode_steps="lap", start_lateral_error=0.1, **keywords).unwrapped
+    return {"kind": "clothoids", "segments": [(4.0, 0.0, 0.0), *4 * [*bend, *other]]}
+
+
+def drives_all(name: str, **keywords: Any) -> bool:
+    """Whether a policy drives to a road's end in a lane of 0.9 m."""
+    keywords = {"lane_width": 0.9, "start_lateral_error": 0.1, "episode_steps": "lap", **keywords}
+    env = gym.make("lanekeep/LaneKeep-v0", **keywords).unwrapped
     policy = lanekeep_baselines.make(name, env.scenario)
     observation, _ = env.reset(seed=0)
     state, terminated, truncated = None, False, False
     while not (terminated or truncated):
         action, state = policy.predict(observation[None], state)
         observation, _, terminated, truncated, _ = env.step(action[0])
-    assert truncated and not terminated
+    return truncated and not terminated

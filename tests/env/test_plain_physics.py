@@ -12,16 +12,21 @@ import pytest
 
 from lanekeep_env import layout as at
 from lanekeep_env.physics import VEHICLES, models
-from lanekeep_env.physics.integrate import DRIVEN, LARGEST_SIDESLIP, LARGEST_YAW_RATE, PACED
+from lanekeep_env.physics.integrate import DRIVEN, HELD, LARGEST_SIDESLIP, LARGEST_YAW_RATE, PACED, held_pull
 from lanekeep_env.physics.numeric import clip, larger, smaller, sqrt, wrapped
 from lanekeep_env.physics.steering import advance_gear, advance_steering
 
 MODELS = [model for model in vars(models).values() if isinstance(model, models.CarModel)]
 STATE = (at.ALONG, at.LATERAL, at.HEADING, at.SIDESLIP, at.YAW_RATE)
-CHANGING = (*STATE, at.STEER, at.MOTOR, at.SPEED)
+CHANGING = (*STATE, at.STEER, at.MOTOR, at.SPEED, at.ACCELERATION)
 H, LARGEST_SPEED_CHANGE = 0.005, 0.01  # s, m/s a sub-step
 N, STEPS = 48, 50
 #: Steering gear (half the gap in rad, whether the motor's angle is measured) and slip-speed floor (m/s).
+SETTINGS = np.zeros(at.CHANNELS)
+SETTINGS[at.STEP_TIME], SETTINGS[at.SPEED_CHANGE] = H, LARGEST_SPEED_CHANGE
+# Load transfer: some car's, so that all of `drawn` are loaded more or less than nominal.
+SETTINGS[[at.MASS, at.NOMINAL_FRONT, at.NOMINAL_REAR, at.CG_HEIGHT, at.HALF_TRACK]] = 1500.0, 1.2, 1.4, 0.5, 0.75
+SETTINGS[[at.ROLL_FRONT, at.ROLL_REAR, at.FRICTION_SENSITIVITY, at.STIFFNESS_SENSITIVITY]] = 0.35, 0.25, 0.15, 0.25
 EQUIPMENT = [(None, None), ((0.01, 0.0), 0.4), ((0.01, 1.0), 0.4)]
 
 
@@ -45,6 +50,7 @@ def drawn(seed):
         at.CURVATURE: 0.05,
         at.CURVATURE_SLOPE: 0.01,
         at.PULL: 3.0,
+        at.ACCELERATION: 5.0,
     }
     cars |= {row: rng.uniform(-span, span, N) for row, span in spans.items()}
     for row in spans:
@@ -52,6 +58,7 @@ def drawn(seed):
     speed[0] = 5.0
     return cars | {
         at.ALONG: rng.uniform(-1.0, 5.0, N),
+        at.FRONT_GRIP: cars[at.FRONT_PEAK] * rng.uniform(1.0, 2.0, N),
         at.MOTOR: cars[at.STEER] + rng.uniform(-0.01, 0.01, N),
         at.SPEED: speed,
         at.SPEED_TARGET: speed + rng.uniform(-1.0, 1.0, N),
@@ -66,14 +73,12 @@ def drawn(seed):
 def compiled(model, gear, floor):
     """Return a function of rows and a number of sub-steps: the compiled loop."""
     advance = model.advance
-    settings = np.zeros(at.CHANNELS)
-    settings[at.STEP_TIME], settings[at.SPEED_CHANGE] = H, LARGEST_SPEED_CHANGE
     gear = None if gear is None else np.array(gear)
 
     @numba.njit
     def loop(cars, gear, floor, steps):
         for _ in range(steps):
-            advance(cars, at.COMMAND, settings, gear, floor)
+            advance(cars, at.COMMAND, SETTINGS, gear, floor)
 
     def run(cars, steps):
         block = np.full((at.CAR_ROWS, N), np.nan)
@@ -99,9 +104,26 @@ def steered(car, gear):
     return motor, middle, end
 
 
-def speeds(car, pace):
+def pulled(model, car, numbers, steer):
+    """The numbers of a car with what its acceleration makes of its tyres, and that acceleration."""
+    if model.pace == DRIVEN:
+        pull = car[at.PULL]
+    elif model.pace == HELD:
+        along = larger(car[at.ALONG], 0.0)
+        profile = along, car[at.SPEED_SQUARED], car[at.SPEED_SQUARED_SLOPE]
+        pull = held_pull(car[at.SPEED], car[at.YAW_RATE], *profile, None, numbers)
+    else:
+        pull = 0.5 * car[at.SPEED_SQUARED_SLOPE]
+    numbers = model.tyres(numbers, car[at.FRONT_GRIP], pull, car[at.ACCELERATION], SETTINGS.tolist())
+    return numbers, pull - model.drag(car[at.SIDESLIP], car[at.YAW_RATE], steer, car[at.SPEED], numbers)
+
+
+def speeds(car, pace, pull):
     """Speed at the start, in the middle and at the end of a sub-step, and what is kept of it."""
     v = car[at.SPEED]
+    if pace == HELD:
+        middle, end = (larger(v + share * H * pull, 0.0) for share in (0.5, 1.0))
+        return v, middle, end, end
     if pace == DRIVEN:
         low, high = smaller(car[at.SPEED_TARGET], 0.0), larger(car[at.SPEED_TARGET], 0.0)
         middle, end = (clip(v + share * H * car[at.PULL], low, high) for share in (0.5, 1.0))
@@ -119,8 +141,8 @@ def speeds(car, pace):
 def substep(model, car, gear, floor):
     """The rows of a car a sub-step later, by classical Runge-Kutta."""
     motor, steer_middle, steer_end = steered(car, gear)
-    v, v_middle, v_end, kept = speeds(car, model.pace)
-    numbers = (*(car[at.CAR + k] for k in range(at.CAR_SIZE)), floor)
+    numbers, pull = pulled(model, car, (*(car[at.CAR + k] for k in range(at.CAR_SIZE)), floor), car[at.STEER])
+    v, v_middle, v_end, kept = speeds(car, model.pace, pull)
     begin = [car[row] for row in STATE]
 
     def rates(share, before, steer, v):
@@ -137,7 +159,8 @@ def substep(model, car, gear, floor):
     )
     beta = wrapped(beta) if model.saturates else clip(beta, -LARGEST_SIDESLIP, LARGEST_SIDESLIP)
     yaw_rate = clip(yaw_rate, -LARGEST_YAW_RATE, LARGEST_YAW_RATE)
-    after = along, lateral, heading, beta, yaw_rate, steer_end, motor, kept
+    across = v * (k1[3] + car[at.YAW_RATE]) if model.transfers_load else car[at.ACCELERATION]
+    after = along, lateral, heading, beta, yaw_rate, steer_end, motor, kept, across
     return car | dict(zip(CHANGING, after, strict=True))
 
 
@@ -158,6 +181,7 @@ TRACED = [
     (models.LINEAR, *EQUIPMENT[0]),
     (models.MAGIC_FORMULA, *EQUIPMENT[0]),
     (models.POWERED, *EQUIPMENT[1]),
+    (models.LOAD_SENSITIVE_HELD, *EQUIPMENT[0]),
     (models.FRONT_DRIVEN, *EQUIPMENT[2]),
 ]
 
@@ -168,7 +192,8 @@ def assert_same(found, expected):
 
 def test_all_models_are_compared():
     rates = {model.rates.__name__ for model in MODELS}
-    assert rates == {"kinematic", "front_driven", "dynamic_linear", "dynamic_magic_formula", "dynamic_both_ways"}
+    single = {"kinematic", "front_driven", "dynamic_linear", "dynamic_magic_formula", "dynamic_both_ways"}
+    assert rates == single | {"load_sensitive", "load_sensitive_both_ways"}
 
 
 @every_equipment

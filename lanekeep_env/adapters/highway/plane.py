@@ -40,6 +40,6 @@ def kernels(model: CarModel) -> tuple[Callable[..., Any], Callable[..., Any]]:
             delay_commands(block, settings, at.COMMAND)
         for substep in range(np.int64(settings[at.SUBSTEPS])):
             advance(block, acting_row(substep, block, settings, at.COMMAND), settings, gear, floor)
-        show(block, floor)
+        show(block, settings, floor)
 
     return fill, drive

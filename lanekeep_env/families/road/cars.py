@@ -12,9 +12,9 @@ from lanekeep_env import layout as at
 from lanekeep_env.engine.cars import Cars, check_index
 from lanekeep_env.engine.given_state import check_state, row_of
 from lanekeep_env.engine.reset_options import ROAD_STARTS
-from lanekeep_env.engine.step import reset_kernel, step_kernels
+from lanekeep_env.engine.step import Family
 from lanekeep_env.families.road.kernel import ON_ROADS
-from lanekeep_env.physics.models import with_pushes
+from lanekeep_env.physics.models import CarModel, with_pushes
 from lanekeep_env.rendering.road_picture import Pose
 from lanekeep_env.roads import Road, RoadSpec, SpeedSpec, road_set
 from lanekeep_env.scenario import CameraLaneScenario, RoadScenario
@@ -93,15 +93,14 @@ class RoadCars(Cars):
         # Flat: numba cannot hand a tuple of tuples to several threads.
         self.equipment = self.sensors, self._gear(), s.integration.lowered_floor, self._camera(), *self._drive()
 
-    def _bind_kernels(self) -> None:
+    @property
+    def _compiled(self) -> tuple[CarModel, Family]:
         if not self.scenario.disturbed:
-            return super()._bind_kernels()
+            return super()._compiled
         from lanekeep_env.families.road.disturbed import disturbed
 
         model, family = self.scenario.model, disturbed(self.family, self.axle_rows, self.asked_rows)
-        pushes = with_pushes(model) if self.scenario.pushed else model
-        self.step, self.step_parallel = step_kernels(pushes, family, self.num_actions)
-        self._reset = reset_kernel(family)
+        return with_pushes(model) if self.scenario.pushed else model, family
 
     def _drive(self) -> tuple[np.ndarray | None, ...]:
         """Numbers of the powertrain and the timelines, None without a powertrain."""
