@@ -164,6 +164,7 @@ def bench(
 
 def _print_report(summary: dict[str, Any], as_json: bool) -> None:
     from lanekeep_benchmarks.report import caption, terminal_table
+    from lanekeep_benchmarks.results import PAGE
 
     if as_json:
         print(json.dumps(summary))
@@ -173,6 +174,7 @@ def _print_report(summary: dict[str, Any], as_json: bool) -> None:
         there.print(terminal_table(entry, summary["reference"], there.width))
     there.print(caption(summary), highlight=False)
     there.print(f"Results, tables and plots: {summary['folder']}", highlight=False, soft_wrap=True)
+    there.print(f"To explore in a browser: {Path(summary['folder']) / PAGE}", highlight=False, soft_wrap=True)
 
 
 def _listed(policies: str | None) -> tuple[str, ...] | None:

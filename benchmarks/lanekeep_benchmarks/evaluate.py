@@ -224,16 +224,3 @@ def evaluate(
     for batch in batches(suite, policies, episodes, done, cars):
         yield driver.drive(batch).results
     driver.close()
-
-
-def record(scenario: SuiteScenario, policy: Policy, seed: int) -> dict[str, NDArray[np.float64]]:
-    """Drive one episode and keep it: truth from `info` and the observation's channels by name, (steps,) each."""
-    env = make_cars(scenario, 1)
-    channels = [channel.name for channel in env.unwrapped.scenario.channels]
-    rows: list[dict[str, float]] = []
-    for step in drive(env, policy, [seed], scenario.options):
-        row = dict(zip(channels, step.observation[0].tolist(), strict=True))
-        row |= {key: float(value[0]) for key, value in step.info.items() if not key.startswith("_")}
-        rows.append(row)
-    env.close()
-    return {key: np.array([row[key] for row in rows]) for key in rows[0]}

@@ -1,4 +1,4 @@
-"""Summary, tables and pictures of a run, into its folder."""
+"""Summary, tables, page and pictures of a run, into its folder."""
 
 from __future__ import annotations
 
@@ -10,18 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_benchmarks import plots
-from lanekeep_benchmarks.evaluate import episode_seed, make_cars, record
+from lanekeep_benchmarks.evaluate import make_cars
 from lanekeep_benchmarks.looks import interesting
 from lanekeep_benchmarks.metrics import METRICS
 from lanekeep_benchmarks.plan import Plan
 from lanekeep_benchmarks.report import failures, markdown
-from lanekeep_benchmarks.results import SUMMARY, TABLE, ResultFolder
+from lanekeep_benchmarks.results import PAGE, SUMMARY, TABLE, ResultFolder
 from lanekeep_benchmarks.suites import SuiteScenario
 from lanekeep_benchmarks.summary import rows_of, summarise
+from lanekeep_benchmarks.web import page
+from lanekeep_benchmarks.web.data import Drives, drive_chosen, page_data
 
 
 def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
-    """Write summary, tables and plots; return the summary."""
+    """Write summary, tables, plots and the page that has all of it; return the summary."""
     summary = summarise(plan.suite, plan.results, plan.policies)
     folder.write(SUMMARY, json.dumps(summary, indent=1, allow_nan=False) + "\n")
     folder.write(TABLE, markdown(summary) + failures(plan.results))
@@ -30,8 +32,12 @@ def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
     # One training seed shows what the others do; more would hide the other policies.
     drawn = {label: row[0] for label, row in rows_of(plan.policies).items()}
     shown = [drawn[label] for label in interesting(summary)]
+    drives = {}
     for scenario in plan.suite.scenarios:
-        _draw_episode(plan, folder, scenario, drawn, shown)
+        drives[scenario.name] = drive_chosen(plan, scenario)
+        _draw_episode(plan, folder, scenario, {name: drives[scenario.name][name] for name in drawn.values()}, shown)
+    title = f"{summary['suite']}: {summary['description']}"
+    folder.write(PAGE, page(title, page_data(plan, summary, drives)))
     return summary
 
 
@@ -47,16 +53,12 @@ def _first_metrics(plan: Plan) -> dict[str, dict[str, NDArray[np.float64]]]:
     return {scenario: {label: np.array(of) for label, of in rows.items()} for scenario, rows in found.items()}
 
 
-def _draw_episode(
-    plan: Plan, folder: ResultFolder, scenario: SuiteScenario, drawn: dict[str, str], shown: list[str]
-) -> None:
-    """Drive episode 0 once more with the policies ``drawn``, those ``shown`` in colours."""
-    seed = episode_seed(plan.suite.name, scenario.name, 0, plan.seed)
+def _draw_episode(plan: Plan, folder: ResultFolder, scenario: SuiteScenario, drives: Drives, shown: list[str]) -> None:
+    """Draw episode 0 of the policies in ``drives``, those ``shown`` in colours."""
     env = make_cars(scenario, 1)
     definition = env.unwrapped.scenario
     env.close()
-    told = scenario.policies_scenario(definition)
-    traces = {name: record(scenario, plan.policy(name, told), seed) for name in drawn.values()}
+    traces = {name: of[0] for name, of in drives.items()}
     title = f"{scenario.title}: episode 0, seed {plan.seed}"
     width = getattr(definition, "lane_width", None)
     picture = plots.plot_episode(title, traces, definition.control_step, width, shown)

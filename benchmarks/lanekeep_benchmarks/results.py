@@ -23,6 +23,7 @@ from lanekeep_env.files import locked, open_to_append, read_bounded, require_ord
 EPISODES = "episodes.jsonl"
 SUMMARY = "summary.json"
 TABLE = "summary.md"
+PAGE = "report.html"
 #: Bytes beyond which result lines are not read: `MOST_EPISODES` with policies named by long paths, a line alone.
 LARGEST_LINES = 1 << 29
 LONGEST_LINE = 1 << 16
@@ -134,7 +135,7 @@ class ResultFolder:
 
     def _files(self) -> list[Path]:
         """What a run has left, all of it ordinary files."""
-        found = [file for name in (RUN, EPISODES, SUMMARY, TABLE) if os.path.lexists(file := self.path / name)]
+        found = [file for name in (RUN, EPISODES, SUMMARY, TABLE, PAGE) if os.path.lexists(file := self.path / name)]
         require_ordinary(*found, *self.path.glob("plot_*.png"), *self.path.glob(f"{FOLDER}/*.parquet"))
         return found
 
@@ -180,7 +181,7 @@ class ResultFolder:
         (self.path / RUN).unlink(missing_ok=True)
         self._lines.truncate(0)
         traces = self.path.glob(f"{FOLDER}/*.parquet")
-        for file in [self.path / SUMMARY, self.path / TABLE, *self.path.glob("plot_*.png"), *traces]:
+        for file in [*(self.path / name for name in (SUMMARY, TABLE, PAGE)), *self.path.glob("plot_*.png"), *traces]:
             file.unlink(missing_ok=True)
 
     def append(self, results: Iterable[EpisodeResult]) -> None:

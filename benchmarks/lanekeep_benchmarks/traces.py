@@ -25,6 +25,11 @@ _BEAM = re.compile(r"scan_\d+")
 _TOGETHER = 40
 
 
+def is_beam(channel: str) -> bool:
+    """Whether a channel is a beam of a scan, which no trace keeps."""
+    return _BEAM.fullmatch(channel) is not None
+
+
 class Trace:
     """The steps of a batch of episodes: observed.CHANNEL, action_0, ... that followed from it, truth and reward after.
 
@@ -33,7 +38,7 @@ class Trace:
     """
 
     def __init__(self, channels: Sequence[str]) -> None:
-        self._observed = {name: place for place, name in enumerate(channels) if not _BEAM.fullmatch(name)}
+        self._observed = {name: place for place, name in enumerate(channels) if not is_beam(name)}
         self._places = None if len(self._observed) == len(channels) else list(self._observed.values())
         self._steps: list[Step] = []
 

@@ -6,9 +6,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from lanekeep_benchmarks.evaluate import drive, episode_seed, evaluate, make_cars, record
+from lanekeep_benchmarks.evaluate import drive, episode_seed, evaluate, make_cars
 from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
+from lanekeep_benchmarks.web.drives import recorded
 
 SLALOM = SuiteScenario(
     "slalom", "A slalom", {"road": "slalom", "departure": "cost", "preview": 1}, max_episode_steps=60
@@ -235,7 +236,7 @@ def test_options_fix_the_start():
 
 def test_a_recorded_episode_is_the_evaluated_one(results):
     result = next(result for result in results if (result.scenario, result.policy) == ("slalom", "brisk"))
-    trace = record(SLALOM, make_policy("brisk", None), result.episode_seed)
+    (trace,) = recorded(SLALOM, make_policy("brisk", None), [result.episode_seed])
     assert len(trace["lateral_error"]) == result.steps
     last = int(np.argmax(trace["cost"] > 0.0)) + 1 if result.failed else result.steps
     assert np.abs(trace["lateral_error"][:last]).max() == result.metrics["peak_lateral_error"]

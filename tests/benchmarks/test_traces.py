@@ -12,6 +12,7 @@ from lanekeep_benchmarks.play import Drive, play
 from lanekeep_benchmarks.policies import entry_of
 from lanekeep_benchmarks.replay import find_line
 from lanekeep_benchmarks.suites import SUITES, Suite, SuiteScenario
+from lanekeep_benchmarks.web.drives import recorded
 
 pytest.importorskip("pyarrow")
 
@@ -187,14 +188,14 @@ def test_another_road_is_not_driven_for_the_runs(tmp_path, monkeypatch, capsys):
 
 
 def test_one_row_is_one_drive_of_the_evaluation(traced):
-    """`evaluate.record` and the trace tell the same of an episode."""
+    """`recorded` and the trace tell the same of an episode."""
     _, steps = lanekeep_benchmarks.read(traced / "all")
     scenario = SUITE.scenarios[0]
     env = evaluate.make_cars(scenario, 1)
     policy = entry_of("stanley").make(env.unwrapped.scenario)
     env.close()
     seed = evaluate.episode_seed("short", "wide", 0, 0)
-    driven = evaluate.record(scenario, policy, seed)
+    (driven,) = recorded(scenario, policy, [seed])
     mine = steps.query("scenario == 'wide' and policy == 'stanley' and episode == 0")
     for name in ("lateral_error", "speed", "heading_error"):
         assert mine[name].to_numpy() == pytest.approx(driven[name].astype(np.float32), abs=0.0)
