@@ -13,6 +13,7 @@ import typer
 from rich.table import Table
 
 import lanekeep_env
+from lanekeep_benchmarks.bound_command import bound
 from lanekeep_benchmarks.check import commands as check
 from lanekeep_benchmarks.console import console, progress
 from lanekeep_benchmarks.endings import (
@@ -61,6 +62,7 @@ def _everything(
     """What comes before a command."""
 
 
+app.command()(bound)
 app.command()(envs)
 app.command()(export)
 app.command(name="play")(play_command)

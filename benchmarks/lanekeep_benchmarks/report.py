@@ -18,15 +18,18 @@ from lanekeep_benchmarks.summary import RATE, RETURN, columns_of
 
 #: How a cell shows that the interval of the paired difference to the reference excludes zero.
 MARKS = {"better": " ▲", "worse": " ▼", "tie": ""}
+#: Of scenarios whose optimum nobody can compute here.
+NONE_KNOWN = "no bound known"
 #: So many failed episodes of a policy are listed.
 MOST_FAILURES = 20
 
 
-def headings(columns: Sequence[Metric], reference: str) -> list[str]:
-    """Column headings of a scenario's table."""
+def headings(columns: Sequence[Metric], reference: str, bounded: bool = False) -> list[str]:
+    """Column headings of a scenario's table; ``bounded`` where its policies have a share of the bound."""
     names = [f"{column.label} [{column.unit}]" if column.unit else column.label for column in columns]
     first, unit = columns[0].label, f" [{columns[0].unit}]" if columns[0].unit else ""
     middle = [f"interquartile mean of {first}{unit}", f"median of {first}{unit}", "episodes won [%]"]
+    middle += ["share of the bound [%]"] if bounded else []
     return ["policy", "failure rate [%]", *names, f"{first} − {reference}'s{unit}", *middle]
 
 
@@ -43,7 +46,16 @@ def cells(row: dict[str, Any], columns: Sequence[Metric]) -> list[tuple[str, str
     found.append(_cell(difference[first.key], first.digits, sign="+") if difference else ("reference", ""))
     found.append(_cell(row["interquartile_mean"][first.key], first.digits))
     found.append((f"{row['median'][first.key]:.{first.digits}f}", ""))
-    return [*found, _cell(_percent(row["won"]), 1)]
+    found.append(_cell(_percent(row["won"]), 1) if row["won"] else ("", ""))
+    if "share_of_bound" in row:
+        share = row["share_of_bound"]
+        found.append(("" if share is None else f"{100 * share:.1f}", ""))
+    return found
+
+
+def rows_in(scenario: dict[str, Any]) -> list[dict[str, Any]]:
+    """The rows of a scenario's table: its policies, then what nobody can beat where that is known."""
+    return [*scenario["policies"], *scenario.get("bounds", ())]
 
 
 def _percent(interval: dict[str, float | None]) -> dict[str, float | None]:
@@ -89,11 +101,15 @@ def terminal_table(scenario: dict[str, Any], reference: str, width: int) -> Tabl
     failed in most episodes are faded.
     """
     columns = columns_of(scenario["policies"])
-    count = len(headings(columns, reference))
-    # The rate and the first metric stay; then the difference, the last metric, the others, the middles and the wins.
-    difference = count - 4
+    bounded = bool(scenario.get("bounds"))
+    count = len(headings(columns, reference, bounded))
+    # The rate and the first metric stay; then the difference, the share of the bound, the last metric, the others, the
+    # middles and the wins.
+    difference = len(columns) + 2
     last = [difference - 1] if difference > 3 else []
-    order = [1, 2, difference, *last, *range(3, difference - 1), *range(difference + 1, count)]
+    share = [count - 1] if bounded else []
+    middles = range(difference + 1, count - len(share))
+    order = [1, 2, difference, *share, *last, *range(3, difference - 1), *middles]
     for kept in range(len(order), 0, -1):
         for folded in (0,) if kept == len(order) else (0, 20, 12):
             table = _table(scenario, reference, order[:kept], folded, width)
@@ -108,10 +124,11 @@ def _table(scenario: dict[str, Any], reference: str, places: Sequence[int], fold
     Names of policies longer than ``folded`` are broken at a hyphen, headings at their words, numbers nowhere.
     """
     columns = columns_of(scenario["policies"])
-    names = headings(columns, reference)
+    names = headings(columns, reference, bool(scenario.get("bounds")))
     places = sorted(places)
-    labels = [_folded(row["policy"], folded) for row in scenario["policies"]]
-    rows = [["\n".join(cell).rstrip() for cell in cells(row, columns)] for row in scenario["policies"]]
+    shown = rows_in(scenario)
+    labels = [_folded(row["policy"], folded) for row in shown]
+    rows = [["\n".join(cell).rstrip() for cell in cells(row, columns)] for row in shown]
     least = [_longest(["policy", *labels])]
     least += [_longest([*names[place].split(), *(texts[place - 1] for texts in rows)]) for place in places]
     lengths = [0, *(len(names[place]) for place in places)]
@@ -127,8 +144,10 @@ def _table(scenario: dict[str, Any], reference: str, places: Sequence[int], fold
     table.add_column("policy", width=least[0])
     for place, wide in zip(places, least[1:], strict=True):
         table.add_column(Text(names[place]), justify="right", width=wide)
-    for row, label, texts in zip(scenario["policies"], labels, rows, strict=True):
+    for number, (row, label, texts) in enumerate(zip(shown, labels, rows, strict=True)):
         style = "dim" if row["failure_rate"]["value"] > 0.5 else ""
+        if number == len(scenario["policies"]):
+            table.add_section()
         table.add_row(Text(label), *(Text(texts[place - 1]) for place in places), style=style)
     return table
 
@@ -152,17 +171,22 @@ def overview(summary: dict[str, Any]) -> list[str]:
     scenarios = summary["scenarios"]
     lines = ["", "## Return", "", f"| policy | {' | '.join(scenario['scenario'] for scenario in scenarios)} |"]
     lines.append(f"|---{'|---:' * len(scenarios)}|")
-    digits = METRICS[RETURN].digits + 1
     for rows in zip(*(scenario["policies"] for scenario in scenarios), strict=True):
-        texts = []
-        for row in rows:
-            value, interval = _cell(row["metrics"][RETURN], digits)
-            failed = row["failure_rate"]["value"]
-            parts = [value + (MARKS[row["verdict"][RETURN]] if row["verdict"] else ""), interval]
-            parts += [f"{failed:.1%} failed"] if failed else []
-            texts.append("<br>".join(part for part in parts if part))
-        lines.append(f"| {rows[0]['policy']} | {' | '.join(texts)} |")
+        lines.append(f"| {rows[0]['policy']} | {' | '.join(map(_overview_cell, rows))} |")
+    bounds = [{row["policy"]: row for row in scenario.get("bounds", ())} for scenario in scenarios]
+    for label in dict.fromkeys(label for rows in bounds for label in rows):
+        texts = (_overview_cell(rows[label]) if label in rows else "" if rows else NONE_KNOWN for rows in bounds)
+        lines.append(f"| {label} | {' | '.join(texts)} |")
     return lines
+
+
+def _overview_cell(row: dict[str, Any]) -> str:
+    value, interval = _cell(row["metrics"][RETURN], METRICS[RETURN].digits + 1)
+    failed, share = row["failure_rate"]["value"], row.get("share_of_bound")
+    parts = [value + (MARKS[row["verdict"][RETURN]] if row["verdict"] else ""), interval]
+    parts += [f"{failed:.1%} failed"] if failed else []
+    parts += [f"{share:.1%} of the bound"] if share is not None else []
+    return "<br>".join(part for part in parts if part)
 
 
 def improvement(summary: dict[str, Any]) -> list[str]:
@@ -209,9 +233,12 @@ def markdown(summary: dict[str, Any]) -> str:
     lines += improvement(summary)
     for scenario in summary["scenarios"]:
         columns = columns_of(scenario["policies"])
-        names = headings(columns, summary["reference"])
-        lines += ["", f"## {scenario['title']}", "", f"| {' | '.join(names)} |", f"|---{'|---:' * (len(names) - 1)}|"]
-        for row in scenario["policies"]:
+        bounded = scenario.get("bounds")
+        names = headings(columns, summary["reference"], bool(bounded))
+        lines += ["", f"## {scenario['title']}", ""]
+        lines += [f"{NONE_KNOWN.capitalize()}.", ""] if bounded == [] else []
+        lines += [f"| {' | '.join(names)} |", f"|---{'|---:' * (len(names) - 1)}|"]
+        for row in rows_in(scenario):
             texts = [f"{value}<br>{interval}" if interval else value for value, interval in cells(row, columns)]
             lines.append(f"| {row['policy']} | {' | '.join(texts)} |")
     return "\n".join(lines) + "\n"

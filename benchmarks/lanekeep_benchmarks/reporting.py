@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_benchmarks import plots
+from lanekeep_benchmarks.bound_table import with_bounds
 from lanekeep_benchmarks.evaluate import make_cars
 from lanekeep_benchmarks.looks import interesting
 from lanekeep_benchmarks.metrics import METRICS
@@ -24,7 +25,7 @@ from lanekeep_benchmarks.web.data import Drives, drive_chosen, page_data
 
 def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
     """Write summary, tables, plots and the page that has all of it; return the summary."""
-    summary = summarise(plan.suite, plan.results, plan.policies)
+    summary = with_bounds(summarise(plan.suite, plan.results, plan.policies), plan.results, folder.path)
     folder.write(SUMMARY, json.dumps(summary, indent=1, allow_nan=False) + "\n")
     folder.write(TABLE, markdown(summary) + failures(plan.results))
     folder.write("plot_errors.png", plots.plot_errors(summary))

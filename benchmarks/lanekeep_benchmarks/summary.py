@@ -88,7 +88,7 @@ def summarise(suite: Suite, results: Iterable[EpisodeResult], policies: Sequence
                 "told": dict(scenario.told),
                 "options": dict(scenario.options),
                 "max_episode_steps": scenario.max_episode_steps,
-                "policies": _summarise_rows([[by_policy[name] for name in row] for row in rows.values()], list(rows)),
+                "policies": summarise_rows([[by_policy[name] for name in row] for row in rows.values()], list(rows)),
             }
         )
     any_line = next(iter(table.values()))[0]
@@ -128,7 +128,7 @@ def _score(lines: Sequence[EpisodeResult]) -> float:
     return (1.0 if METRICS[key].more_is_better else -1.0) * float(np.mean([line.metrics[key] for line in lines]))
 
 
-def _summarise_rows(rows: Sequence[Sequence[Sequence[EpisodeResult]]], labels: Sequence[str]) -> list[dict[str, Any]]:
+def summarise_rows(rows: Sequence[Sequence[Sequence[EpisodeResult]]], labels: Sequence[str]) -> list[dict[str, Any]]:
     """Intervals of one scenario for rows of training seeds of result lines.
 
     One bootstrap serves all columns, which makes the differences paired; only where there are several training seeds,
