@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.lq import CostScenario, LqPreviewOffsetFree
+from lanekeep_baselines.lq_model import STEER, StepModel
 from lanekeep_baselines.policy import Floats
 
 #: Time constant of the filter, s: longer than a bend takes to begin, shorter than a car stays beside its lane's centre.
@@ -22,29 +23,37 @@ TRIM_TIME = 3.0
 
 
 class LqPreviewTrimmed(LqPreviewOffsetFree):
-    """`lq-preview-trimmed`: memory is that of `lq-preview-offset-free`, the nominal wheel's angle and the offset."""
+    """`lq-preview-trimmed`; behind the other's memory offset, the nominal wheel's angle and commands on their way."""
 
     name = "lq-preview-trimmed"
 
     def __init__(self, scenario: CostScenario) -> None:
         super().__init__(scenario)
-        steering, step = scenario.vehicle.steering, scenario.control_step
-        late = steering.lag + steering.delay
-        self._follows = 1.0 - math.exp(-step / late) if late > 0.0 else 1.0
+        step = scenario.control_step
+        model = StepModel.of(scenario.vehicle, 1.0, step, scenario.dynamics != "kinematic")
+        # What is left of the wheel's angle after a step, and what the commands make of it, the last one first.
+        self._kept, self._gained = model.a[STEER, STEER], model.b[STEER]
         self._learns = 1.0 - math.exp(-step / TRIM_TIME)
-        self.memory += 2
+        self._others = self.memory
+        self.memory += 2 + len(self._gained) - 1
 
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[Floats, Floats | None]:
         applied, measured = at["steering_command"], at["steering_angle"]
-        wheel, offset = applied, measured - applied  # an episode begins in steady driving
+        # An episode begins in steady driving.
+        offset, wheel, sent = measured - applied, applied, np.stack([applied] * len(self._gained), axis=1)
         if fresh is not True:
-            before, known = memory[:, -2], memory[:, -1]
-            followed = before + self._follows * (applied - before)
-            found = known + self._learns * (measured - followed - known)
             started = np.asarray(fresh)
-            wheel, offset = np.where(started, wheel, followed), np.where(started, offset, found)
-        command, kept = super().command({**at, "steering_command": applied + offset}, memory[:, :-2], fresh)
-        assert kept is not None
-        return command - offset, np.concatenate([kept, wheel[:, None], offset[:, None]], axis=1)
+            known, before = memory[:, self._others], memory[:, self._others + 1]
+            commands = np.concatenate([applied[:, None], memory[:, self._others + 2 :]], axis=1)
+            followed = self._kept * before
+            for gain, one in zip(self._gained, commands.T, strict=True):
+                followed = followed + gain * one
+            found = known + self._learns * (measured - followed - known)
+            offset, wheel = np.where(started, offset, found), np.where(started, wheel, followed)
+            sent = np.where(started[..., None], sent, commands)
+        asked = {**at, "steering_command": applied + offset}
+        command, others = super().command(asked, memory[:, : self._others], fresh)
+        assert others is not None
+        return command - offset, np.concatenate([others, offset[:, None], wheel[:, None], sent[:, :-1]], axis=1)

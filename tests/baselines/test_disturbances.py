@@ -1,4 +1,4 @@
-"""Who holds the lane's centre against a steady disturbance: the design that estimates offsets, and no other."""
+"""Who holds the lane's centre against a steady disturbance: designs that estimate what disturbs the car."""
 
 import gymnasium as gym
 import numpy as np
@@ -30,8 +30,13 @@ def steady_error(name, **keywords):
 
 
 @pytest.mark.parametrize("disturbance", DISTURBED)
-def test_the_offset_free_design_has_no_steady_error(disturbance):
-    assert abs(steady_error("lq-preview-offset-free", **DISTURBED[disturbance])) < 1e-4
+def test_the_trimmed_design_has_no_steady_error(disturbance):
+    assert abs(steady_error("lq-preview-trimmed", **DISTURBED[disturbance])) < 1e-4
+
+
+def test_slip_offsets_stand_for_what_pushes_the_car_and_not_for_a_faulty_steering():
+    assert abs(steady_error("lq-preview-offset-free", bank=0.05, crosswind=-8.0)) < 1e-4
+    assert abs(steady_error("lq-preview-offset-free", **DISTURBED["steering-offset"])) > 0.02
 
 
 @pytest.mark.parametrize("name", ["lq-preview", "mpc-preview", "stanley"])

@@ -127,6 +127,7 @@ GATES = {
     "lq-preview": (2.2, 2.6),
     "mpc-preview": (2.2, 2.6),
     "lq-preview-offset-free": (2.1, 4.5),
+    "lq-preview-trimmed": (2.1, 4.5),
     "lqg": (3.2, 2.1),
     "stanley": (2.4, 5.0),
 }

@@ -287,9 +287,11 @@ def test_patches_take_the_share_of_the_road_that_they_are_given():
         env.reset(seed=2)
         acted = np.full((n, 1), action, np.float32)
         drives.append(np.array([env.step(acted)[0][:, column] for _ in range(2000)], dtype=np.float64))
-    np.testing.assert_array_equal(*drives)
     factor = drives[0] / 0.9
     on = factor < 0.999
+    for i in range(n):  # who steers gets less far along the road, and meets the same patches
+        met = [drive[1:, i][(drive[1:, i] < 0.899) & (drive[:-1, i] >= 0.899)] for drive in drives]
+        np.testing.assert_array_equal(met[0][:6], met[1][:6])
     assert ((factor[on] > 0.5 - 1e-6) & (factor[on] < 0.8 + 1e-6)).all()
     # A drive of 400 m has 8 stretches: the share of each car varies by the ends of its way alone.
     assert abs(on.mean() - length / every) < 0.02
@@ -361,10 +363,11 @@ def test_every_road_with_tyres_feels_them_and_cars_are_those_of_single_environme
         "gusts": 1.0,
         "changes": {"mass": 1.2, "time": 0.3},
         "randomisation": {"steering_offset": (-0.01, 0.01)},
+        "departure": "off",
     }
     many = gym.make_vec(f"lanekeep/{name}-v0", 2, "vector_entry_point", **keywords)
     many.reset(seed=4)
-    plain = gym.make_vec(f"lanekeep/{name}-v0", 2, "vector_entry_point", randomisation={})
+    plain = gym.make_vec(f"lanekeep/{name}-v0", 2, "vector_entry_point", departure="off")
     plain.reset(seed=4)
     actions = np.random.default_rng(0).uniform(-0.1, 0.1, (30, *many.action_space.shape)).astype(np.float32)
     drives = [many.step(action) for action in actions]
@@ -429,7 +432,10 @@ def test_what_is_off_is_no_part_of_a_kernel():
         ({"changes": {"mass": 0.0}}, ["changes.mass=0.0", ">= 0.05"]),
         ({"vehicle": {"steering": {"gain": 0.0}}}, ["steering.gain=0.0", ">= 0.05"]),
         ({"max_steering_angle": 1.0, "vehicle": {"steering": {"gain": 3.0}}}, ["max_steering_angle=1.0", "1.5 rad"]),
-        ({"changes": {"mass": 0.05}, "vehicle": "pses", "speed": 1.0}, ["vehicle.", "is not allowed", "integrated"]),
+        (
+            {"changes": {"mass": 0.05, "front_cornering_stiffness": 20.0}, "vehicle": "pses", "speed": 1.0},
+            ["vehicle.", "is not allowed", "integrated"],
+        ),
         ({"tyre": "magic_formula", "friction": 0.4, "bank": 0.15}, ["bank=", "least friction gives 3.92 m/s²"]),
     ],
 )

@@ -16,6 +16,8 @@ from numba.core.dispatcher import Dispatcher
 import lanekeep_env
 from lanekeep_env.compile import inline, kernel
 from lanekeep_env.engine.step import reset_kernel, step_kernels
+from lanekeep_env.families.road.cars import RoadCars
+from lanekeep_env.families.road.disturbed import disturbed
 from lanekeep_env.families.road.drive_kernel import DRIVING
 from lanekeep_env.families.road.guided import GUIDED
 from lanekeep_env.families.road.kernel import ON_ROADS
@@ -62,6 +64,9 @@ KERNELS += [made for model in MODELS if model.pace == PROFILE for made in step_k
 KERNELS += step_kernels(models.FRONT_DRIVEN, GUIDED, 1)
 FAMILIES = (ON_ROADS, DRIVING, AMONG_TRAFFIC, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)
 KERNELS += [reset_kernel(family) for family in FAMILIES]
+DISTURBED = [disturbed(family, RoadCars.axle_rows, RoadCars.asked_rows) for family in (ON_ROADS, DRIVING)]
+for model, family, n in zip((models.LINEAR, models.POWERED), DISTURBED, (1, 2), strict=True):
+    KERNELS += [*step_kernels(models.with_pushes(model), family, n), reset_kernel(family)]
 
 
 def fingerprints():

@@ -17,7 +17,7 @@ from lanekeep_env.adapters.highway.vehicle import EgoVehicle
 from lanekeep_env.checks import known, shown
 from lanekeep_env.physics.parameters import vehicle_from
 from lanekeep_env.roads import ConstantSpeed, StraightRoad
-from lanekeep_env.scenario.powered import bounds_from
+from lanekeep_env.scenario.disturbances import bounds_from
 
 #: What it is called in ``config["action"]["type"]``.
 ACTION = "LanekeepAction"
