@@ -14,7 +14,7 @@ from gymnasium.spaces import Box
 from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
 from lanekeep_env.envs.skin import RENDER_MODES, TRUTH, Skin, check_modes, observation_space, seed_from
-from lanekeep_env.layout import O_REWARD, O_TERMINATED, O_TRUNCATED
+from lanekeep_env.layout import O_REWARD, O_SUCCESS, O_TERMINATED, O_TRUNCATED
 from lanekeep_env.rendering.window import Window
 
 #: Views, which would come back from a pickle as copies, and functions.
@@ -29,13 +29,22 @@ def _never_reset(*_: Any) -> None:
 def info_reader(further: tuple[tuple[str, int], ...]) -> Callable[[list[float]], dict[str, Any]]:
     """Return a function that makes the info of an outcome, which names ``further`` rows beside the usual ones.
 
-    It is one written-out dictionary: a loop over the rows takes as long as the car's step.
+    Its code is written out, name by name, and fills in a template: a loop takes as long as the car's step.
     """
-    ended = f"told[{at.O_TERMINATED}]"
-    entries = [f"{name!r}: told[{row}]" for name, row in TRUTH]
-    entries += [f"'is_success': told[{at.O_SUCCESS}] > 0.0", f"'termination': int({ended}) if {ended} else 0"]
-    entries += [f"{name!r}: told[{row}]" for name, row in further]
-    reader: Callable[[list[float]], dict[str, Any]] = eval(f"lambda told: {{{', '.join(entries)}}}")
+    places = {row: f"info[{name!r}]" for name, row in (*TRUTH, *further)}
+    places |= {O_TERMINATED: "ended", O_SUCCESS: "success"}
+    code = f"""
+def read(told):
+    info = template.copy()
+    {", ".join(places.get(row, "_") for row in range(max(places) + 1))} = told
+    info["is_success"] = success > 0.0
+    info["termination"] = int(ended) if ended else 0
+    return info
+"""
+    names = [*dict(TRUTH), "is_success", "termination", *dict(further)]
+    written: dict[str, Any] = {"template": dict.fromkeys(names)}
+    exec(code, written)
+    reader: Callable[[list[float]], dict[str, Any]] = written["read"]
     return reader
 
 
@@ -75,9 +84,9 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start an episode: the first one of ``seed``, or the next one of the running sequence."""
-        super().reset(seed=seed_from(seed))
         core = self._core
         if seed is not None or not core.seeded:
+            super().reset(seed=seed_from(seed))
             core.set_key(0, self.np_random)
             core.seeded = True
         core.reset(options, _ONE, self._outcome)
