@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -13,39 +12,16 @@ from gymnasium.spaces import Box
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
-from lanekeep_env.envs.skin import RENDER_MODES, TRUTH, Skin, check_modes, observation_space, seed_from
+from lanekeep_env.envs.skin import RENDER_MODES, Skin, check_modes, observation_space, seed_from
 from lanekeep_env.layout import O_REWARD, O_SUCCESS, O_TERMINATED, O_TRUNCATED
 from lanekeep_env.rendering.window import Window
 
 #: Views, which would come back from a pickle as copies, and functions.
-_NOT_KEPT = ("_action", "_look", "_tell", "_info", "_arguments", "_step")
+_NOT_KEPT = ("_action", "_look", "_tell", "_arguments", "_step")
 
 
 def _never_reset(*_: Any) -> None:
     raise gym.error.ResetNeeded("call reset() before step()")
-
-
-@functools.cache
-def info_reader(further: tuple[tuple[str, int], ...]) -> Callable[[list[float]], dict[str, Any]]:
-    """Return a function that makes the info of an outcome, which names ``further`` rows beside the usual ones.
-
-    Its code is written out, name by name, and fills in a template: a loop takes as long as the car's step.
-    """
-    places = {row: f"info[{name!r}]" for name, row in (*TRUTH, *further)}
-    places |= {O_TERMINATED: "ended", O_SUCCESS: "success"}
-    code = f"""
-def read(told):
-    info = template.copy()
-    {", ".join(places.get(row, "_") for row in range(max(places) + 1))} = told
-    info["is_success"] = success > 0.0
-    info["termination"] = int(ended) if ended else 0
-    return info
-"""
-    names = [*dict(TRUTH), "is_success", "termination", *dict(further)]
-    written: dict[str, Any] = {"template": dict.fromkeys(names)}
-    exec(code, written)
-    reader: Callable[[list[float]], dict[str, Any]] = written["read"]
-    return reader
 
 
 #: The one car, as a mask.
@@ -96,13 +72,13 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
             self._picture.forget()
         if self._shown:
             self.render()
-        return self._look(), self._info(self._tell())
+        told = self._tell()
+        return self._look(), self._info(told, told[O_SUCCESS] > 0.0, 0)
 
     def _bind(self) -> None:
         """Keep what a step calls at hand: making views and arguments at each step costs a third of its time."""
         core = self._core
-        self._action, self._look, self._tell = core.action, core.observation[0].copy, self._outcome[:, 0].tolist
-        self._info = info_reader(self.further)
+        self._action, self._look, self._tell = core.action[0], core.observation[0].copy, self._outcome[:, 0].tolist
         if core.seeded:
             self._arguments = core.packed.handle, 0, 1, self._outcome
             self._step = core.step
@@ -142,9 +118,11 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
             self._take(action)
         self._step(*self._arguments)
         told = self._tell()
+        ended = told[O_TERMINATED]
+        info = self._info(told, told[O_SUCCESS] > 0.0, int(ended) if ended else 0)
         if self._shown:
             self.render()
-        return self._look(), told[O_REWARD], told[O_TERMINATED] > 0.0, told[O_TRUNCATED] > 0.0, self._info(told)
+        return self._look(), told[O_REWARD], ended > 0.0, told[O_TRUNCATED] > 0.0, info
 
     def _take(self, action: Any) -> None:
         """Take an action that needs a closer look.
