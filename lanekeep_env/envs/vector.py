@@ -111,7 +111,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         outcome = core.new_outcome()
         outcome[:] = 0.0  # of the others it tells nothing
         core.reset(options, mask, outcome)
-        return core.observation.copy(), self._infos(outcome, mask)
+        return core.observation.copy(), self._infos(outcome[: core.outcome_rows], mask)
 
     def _mask(self, mask: np.ndarray | None) -> np.ndarray:
         if mask is None:
