@@ -20,6 +20,7 @@ from typing import Any
 
 from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 
@@ -71,7 +72,9 @@ class KernelCache:
     def _kept(self, signature: Any, target_context: Any) -> Any:
         # Whatever is wrong with a disk or a file: compiling is the answer to all of it.
         try:
-            target_context.refresh()
+            # All that compiled code needs to run. A refresh imports what compiling needs, SciPy included, which takes
+            # as long as everything else up to the first step.
+            rtsys.initialize(target_context)
             key, path = self._place(signature, target_context.codegen())
             payload = _payload(path, key)
             if payload is None:

@@ -72,7 +72,7 @@ class Cars:
         self.cars[:, self.empty_row] = np.inf  # cars that fill up the last block stand still
         self.cars[:, at.CAR : at.CAR + at.CAR_SIZE] = 1.0
         self.counters = np.zeros((at.COUNTER_ROWS, num_cars), dtype=np.int64)
-        self.action = np.zeros(num_cars * self.num_actions, dtype=np.float32)
+        self.action = np.zeros((num_cars, self.num_actions), dtype=np.float32)
         self.observation = np.zeros((num_cars, self.num_channels), dtype=np.float32)
         rows = self.outcome_rows
         self._outcome_shape = (2 * rows + self.num_channels if autoreset == at.SAME_STEP else rows), num_cars
@@ -86,7 +86,7 @@ class Cars:
     @cached_property
     def packed(self) -> Packed:
         """What kernels are given beside the outcome."""
-        return Packed(*self.state, self.action, self.observation)
+        return Packed(*self.state, self.action.reshape(-1), self.observation)
 
     @cached_property
     def step(self) -> Callable[..., None]:

@@ -15,7 +15,6 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import NativeValue, lower_builtin, models, register_model, type_callable, unbox
-from numba.np.arrayobj import make_array, populate_array
 
 
 class PackedType(types.Type):
@@ -93,6 +92,11 @@ def _read(context, builder, kind, words):
         return context.get_dummy_value()
     if isinstance(kind, types.Float):
         return context.cast(builder, builder.bitcast(next(words), ir.DoubleType()), types.float64, kind)
+    from numba.np.arrayobj import (
+        make_array,
+        populate_array,
+    )  # which takes a tenth of a second, where nothing is compiled
+
     element = context.get_data_type(kind.dtype)
     start, shape = builder.inttoptr(next(words), element.as_pointer()), [next(words) for _ in range(kind.ndim)]
     size = context.get_constant(types.intp, context.get_abi_sizeof(element))

@@ -8,6 +8,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.engine.reset_options import ROAD_STARTS
+from lanekeep_env.envs.info import Rows
 from lanekeep_env.envs.single import SingleEnv
 from lanekeep_env.envs.skin import Skin
 from lanekeep_env.roads import Road
@@ -47,7 +48,7 @@ class RoadEnv(OnRoads, SingleEnv):
 class WithDriver(OnRoads):
     """What environments with a driver at the wheel share, single or vector."""
 
-    further: ClassVar[tuple[tuple[str, int], ...]] = (
+    further: ClassVar[Rows] = (
         ("interventions", at.O_INTERVENTIONS),
         ("authority", at.O_AUTHORITY),
         ("assistance", at.O_ASSISTANCE),
@@ -86,7 +87,7 @@ class GuidedEnv(Guided, SingleEnv):
 class Driving(OnRoads):
     """What environments with a powertrain share."""
 
-    further: ClassVar[tuple[tuple[str, int], ...]] = (
+    further: ClassVar[Rows] = (
         ("gap", at.O_GAP),
         ("time_to_collision", at.O_TIME_TO_COLLISION),
         ("stop_error", at.O_STOP_ERROR),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import functools
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -12,28 +12,16 @@ from gymnasium.spaces import Box
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
-from lanekeep_env.envs.skin import RENDER_MODES, TRUTH, Skin, check_modes, observation_space, seed_from
+from lanekeep_env.envs.skin import RENDER_MODES, Skin, check_modes, observation_space, seed_from
+from lanekeep_env.layout import O_REWARD, O_SUCCESS, O_TERMINATED, O_TRUNCATED
 from lanekeep_env.rendering.window import Window
 
-#: Views, which would come back from a pickle as copies, and the kernel.
-_NOT_KEPT = ("_action", "_seen", "_truth", "_arguments", "_step")
+#: Views, which would come back from a pickle as copies, and functions.
+_NOT_KEPT = ("_action", "_look", "_tell", "_arguments", "_step")
 
 
 def _never_reset(*_: Any) -> None:
     raise gym.error.ResetNeeded("call reset() before step()")
-
-
-@functools.cache
-def info_reader(further: tuple[tuple[str, int], ...]) -> Callable[[list[float]], dict[str, Any]]:
-    """Return a function that makes the info of an outcome, which names ``further`` rows beside the usual ones.
-
-    It is one written-out dictionary: a loop over the rows takes as long as the car's step.
-    """
-    entries = [f"{name!r}: told[{row}]" for name, row in TRUTH]
-    entries += [f"'is_success': told[{at.O_SUCCESS}] > 0.0", f"'termination': int(told[{at.O_TERMINATED}])"]
-    entries += [f"{name!r}: told[{row}]" for name, row in further]
-    reader: Callable[[list[float]], dict[str, Any]] = eval(f"lambda told: {{{', '.join(entries)}}}")
-    return reader
 
 
 #: The one car, as a mask.
@@ -47,12 +35,6 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
     #: The kernel and its arguments, once there is an episode to go on with.
     _step: Callable[..., None] = staticmethod(_never_reset)
     _arguments: tuple[Any, ...] = ()
-    #: Makes the info of an outcome.
-    _info: Callable[[list[float]], dict[str, Any]]
-
-    def __init_subclass__(cls, **keywords: Any) -> None:
-        super().__init_subclass__(**keywords)
-        cls._info = staticmethod(info_reader(cls.further))
 
     def __init__(self, *, render_mode: str | None = None, dtype: str = "float64", **scenario: Any) -> None:
         check_modes(render_mode, dtype)
@@ -78,9 +60,9 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start an episode: the first one of ``seed``, or the next one of the running sequence."""
-        super().reset(seed=seed_from(seed))
         core = self._core
         if seed is not None or not core.seeded:
+            super().reset(seed=seed_from(seed))
             core.set_key(0, self.np_random)
             core.seeded = True
         core.reset(options, _ONE, self._outcome)
@@ -90,12 +72,13 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
             self._picture.forget()
         if self._shown:
             self.render()
-        return self._seen.copy(), self._info(self._truth.tolist())
+        told = self._tell()
+        return self._look(), self._info(told, told[O_SUCCESS] > 0.0, 0)
 
     def _bind(self) -> None:
-        """Keep views and the kernel's arguments at hand: making them at each step costs a third of its time."""
+        """Keep what a step calls at hand: making views and arguments at each step costs a third of its time."""
         core = self._core
-        self._action, self._seen, self._truth = core.action, core.observation[0], self._outcome[:, 0]
+        self._action, self._look, self._tell = core.action[0], core.observation[0].copy, self._outcome[:, 0].tolist
         if core.seeded:
             self._arguments = core.packed.handle, 0, 1, self._outcome
             self._step = core.step
@@ -119,29 +102,45 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
             ValueError: an action of another shape than the action space's, or NaN.
             gymnasium.error.ResetNeeded: no episode was started.
         """
-        given = action if isinstance(action, np.ndarray) else np.asarray(action)
+        taken = self._action
+        try:
+            if len(taken) == 1:
+                (one,) = action.tolist()
+                taken[0] = one
+                wrong = one - one
+            else:
+                one, other = action.tolist()
+                taken[0], taken[1] = one, other
+                wrong = (one - one) + (other - other)
+        except (AttributeError, TypeError, ValueError):
+            wrong = math.nan
+        if wrong != 0.0:  # infinite, or no number
+            self._take(action)
+        self._step(*self._arguments)
+        told = self._tell()
+        ended = told[O_TERMINATED]
+        info = self._info(told, told[O_SUCCESS] > 0.0, int(ended) if ended else 0)
+        if self._shown:
+            self.render()
+        return self._look(), told[O_REWARD], ended > 0.0, told[O_TRUNCATED] > 0.0, info
+
+    def _take(self, action: Any) -> None:
+        """Take an action that needs a closer look.
+
+        Raises:
+            ValueError: an action of another shape than the action space's, or NaN.
+        """
+        given = np.asarray(action)
         if given.shape != self._shape:
             raise ValueError(
                 f"action={shown(action)} has shape {given.shape}; it must have shape {self._shape}, in [-1, 1]"
             )
         try:
-            if self._shape == (1,):
-                self._action[0] = value = float(given.item())
-            else:
-                self._action[...] = given
-                first, second = self._action.tolist()
-                value = first if first != first else second  # a NaN, if there is one; a sum of infinities is one too
+            self._action[:] = [float(number) for number in given.tolist()]
         except (TypeError, ValueError):
             raise ValueError(f"action={shown(action)} is not a number; it must be one in [-1, 1]") from None
-        if value != value:
+        if np.isnan(self._action).any():
             raise ValueError(f"action={shown(action)} is NaN; it must be a number in [-1, 1]")
-        self._step(*self._arguments)
-        told = self._truth.tolist()
-        terminated = told[at.O_TERMINATED] > 0.0
-        truncated = told[at.O_TRUNCATED] > 0.0
-        if self._shown:
-            self.render()
-        return self._seen.copy(), told[at.O_REWARD], terminated, truncated, self._info(told)
 
     def render(self) -> np.ndarray | None:
         """Return the picture (rgb_array), or show it (human); other modes warn, as Gymnasium does."""

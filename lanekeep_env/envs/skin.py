@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import operator
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from typing import Any, ClassVar
 
@@ -13,25 +13,15 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 
-from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, shown
 from lanekeep_env.engine.reset_options import page_section
+from lanekeep_env.envs.info import Rows, info_reader
 from lanekeep_env.plain import json_able
 from lanekeep_env.scenario import Channel
 from lanekeep_env.scenario.car import CarScenario
 
 PRECISIONS = ("float64", "float32")
 RENDER_MODES = ("human", "rgb_array")
-#: Truth in the infos of every family: its name and its row in the outcome.
-TRUTH = (
-    ("lateral_error", at.O_LATERAL_ERROR),
-    ("heading_error", at.O_HEADING_ERROR),
-    ("lateral_acceleration", at.O_LATERAL_ACCELERATION),
-    ("steering_rate", at.O_STEERING_RATE),
-    ("speed", at.O_SPEED),
-    ("arc_length", at.O_ARC_LENGTH),
-    ("cost", at.O_COST),
-)
 #: Section of an environment's page that the options of ``reset`` stand before.
 _BEFORE = "## Episode End"
 
@@ -46,7 +36,9 @@ class Skin:
     #: What ``reset(options=...)`` may fix, and what that is.
     starts: ClassVar[Mapping[str, str]]
     #: Truth in the infos beside what all families tell, its name and its row in the outcome.
-    further: ClassVar[tuple[tuple[str, int], ...]] = ()
+    further: ClassVar[Rows] = ()
+    #: Makes an info of an outcome's rows, success and termination.
+    _info: ClassVar[Callable[..., dict[str, Any]]]
     scenario: Any
     _core: Any
     _spec: EnvSpec | None = None
@@ -55,6 +47,7 @@ class Skin:
 
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
+        cls._info = staticmethod(info_reader(cls.further))
         if "scenario_class" in cls.__dict__:
             cls._settled = frozenset({f.name for f in fields(cls.scenario_class)} | {"channels", "hash"})
         page = inspect.cleandoc(cls.__dict__.get("__doc__") or "")

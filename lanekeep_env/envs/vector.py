@@ -14,8 +14,9 @@ from gymnasium.vector.utils import batch_space
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require, shown
+from lanekeep_env.envs.info import TRUTH
 from lanekeep_env.envs.single import SingleEnv
-from lanekeep_env.envs.skin import TRUTH, Skin, check_modes, observation_space, seed_from
+from lanekeep_env.envs.skin import Skin, check_modes, observation_space, seed_from
 
 _AUTORESET = {
     "next_step": (at.NEXT_STEP, AutoresetMode.NEXT_STEP),
@@ -76,13 +77,12 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.single_action_space = Box(-1.0, 1.0, (self._core.num_actions,), dtype=np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        #: Truth in the infos by name, and its row in the outcome.
-        self.truth: dict[str, int] = dict((*TRUTH, *self.further))
-        self._masks = tuple(f"_{name}" for name in (*self.truth, "is_success", "termination"))
+        self._masks = tuple(f"_{name}" for name in (*dict(TRUTH), "is_success", "termination", *dict(self.further)))
         self._threads = num_threads
         self._same_step = code == at.SAME_STEP
         self._everyone = np.ones(num_envs, dtype=np.bool_)
         self._everyone.flags.writeable = False
+        self._all_told = dict.fromkeys(self._masks, self._everyone)
 
     @property
     def clipped_actions(self) -> np.ndarray:
@@ -111,7 +111,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         outcome = core.new_outcome()
         outcome[:] = 0.0  # of the others it tells nothing
         core.reset(options, mask, outcome)
-        return core.observation.copy(), self._infos(outcome, mask)
+        return core.observation.copy(), self._infos(outcome[: core.outcome_rows], mask)
 
     def _mask(self, mask: np.ndarray | None) -> np.ndarray:
         if mask is None:
@@ -127,17 +127,15 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance every car by one control step; actions (n, number of actions) in [-1, 1]."""
         core = self._core
-        given = np.asarray(actions, dtype=np.float32)
-        shape = (self.num_envs, core.num_actions)
-        if given.shape != shape:
-            raise ValueError(f"actions have shape {given.shape}; they must have shape {shape}")
-        given = np.ascontiguousarray(given).reshape(-1)
+        given = actions if isinstance(actions, np.ndarray) else np.asarray(actions)
+        if given.shape != core.action.shape:
+            raise ValueError(f"actions have shape {given.shape}; they must have shape {core.action.shape}")
         if not core.seeded:
             raise gym.error.ResetNeeded("call reset() before step()")
-        wrong = np.isnan(given)
-        if wrong.any():
-            given = self._without_ignored(given, wrong)
-        core.action[:] = given
+        core.action[...] = given
+        least = np.minimum.reduce(core.action, axis=None)
+        if least != least:  # a NaN
+            self._clear_ignored(core.action)
         outcome = core.new_outcome()
         arguments = core.packed.handle, 0, len(core.cars), outcome
         if self._threads == 1:
@@ -145,12 +143,13 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         else:
             numba.set_num_threads(self._threads)
             core.step_parallel(*arguments)
-        terminated = outcome[at.O_TERMINATED] > 0.0
-        truncated = outcome[at.O_TRUNCATED] > 0.0
-        infos = self._infos(outcome, self._everyone)
+        told = outcome[: core.outcome_rows] if self._same_step else outcome
+        terminated, truncated, success = told[at.O_FLAGS] > 0.0
+        termination = told[at.O_TERMINATED].astype(np.int64)
+        infos = self._info(told, success, termination) | self._all_told
         if self._same_step:
-            infos["termination"] = np.zeros(self.num_envs, dtype=np.int64)  # of the episodes that just began
             self._add_final(infos, outcome, terminated | truncated)
+            termination[:] = 0  # of the episodes that just began
         # What is handed out is the caller's, who may write to it.
         return core.observation.copy(), outcome[at.O_REWARD], terminated, truncated, infos
 
@@ -200,21 +199,19 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_pictures": []}
 
-    def _without_ignored(self, given: np.ndarray, wrong: np.ndarray) -> np.ndarray:
+    def _clear_ignored(self, action: np.ndarray) -> None:
         """Clear NaN actions of cars that only start anew in this step; any other NaN is an error."""
+        wrong = np.isnan(action)
         over = self._core.cars[:, at.DONE].reshape(-1)[: self.num_envs] > 0.0
-        over = np.repeat(over, self._core.num_actions)
-        cars = np.flatnonzero(wrong & ~over) // self._core.num_actions
+        cars = np.flatnonzero(wrong.any(axis=1) & ~over)
         if len(cars):
             raise ValueError(f"action of car {cars[0]} is NaN; it must be a number in [-1, 1]")
-        return np.where(wrong, np.float32(0.0), given)
+        action[wrong] = 0.0
 
-    def _infos(self, outcome: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
-        infos: dict[str, Any] = {name: outcome[row] for name, row in self.truth.items()}
-        infos["is_success"] = outcome[at.O_SUCCESS] > 0.0
-        infos["termination"] = outcome[at.O_TERMINATED].astype(np.int64)
-        infos.update(dict.fromkeys(self._masks, mask))
-        return infos
+    def _infos(self, told: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
+        """Return the truth of the cars in ``mask`` from the rows of an outcome."""
+        success, termination = told[at.O_SUCCESS] > 0.0, told[at.O_TERMINATED].astype(np.int64)
+        return self._info(told, success, termination) | dict.fromkeys(self._masks, mask)
 
     def _add_final(self, infos: dict[str, Any], outcome: np.ndarray, ended: np.ndarray) -> None:
         """Gymnasium's same-step convention: the last observation and info of the episodes that ended."""

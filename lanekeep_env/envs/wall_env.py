@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 from lanekeep_env import layout as at
 from lanekeep_env.engine.reset_options import WALL_STARTS
+from lanekeep_env.envs.info import Rows
 from lanekeep_env.envs.single import SingleEnv
 from lanekeep_env.envs.skin import Skin
 from lanekeep_env.scenario import WallFollowScenario
@@ -17,7 +18,7 @@ class BetweenWalls(Skin):
 
     scenario_class: type[WallFollowScenario]
     starts = WALL_STARTS
-    further: ClassVar[tuple[tuple[str, int], ...]] = (
+    further: ClassVar[Rows] = (
         ("x", at.O_X),
         ("y", at.O_Y),
         ("distance", at.O_DISTANCE),
@@ -52,7 +53,7 @@ class WallEnv(BetweenWalls, SingleEnv):
 class OnCourse(BetweenWalls):
     """What environments with modes and parking spaces share, single or vector."""
 
-    further: ClassVar[tuple[tuple[str, int], ...]] = (
+    further: ClassVar[Rows] = (
         *BetweenWalls.further,
         ("mode", at.O_MODE),
         ("space_share", at.O_SHARE),

@@ -7,14 +7,15 @@ from __future__ import annotations
 O_REWARD = 0
 O_TERMINATED = 1
 O_TRUNCATED = 2
-O_LATERAL_ERROR = 3
-O_HEADING_ERROR = 4
-O_LATERAL_ACCELERATION = 5
-O_STEERING_RATE = 6
-O_SPEED = 7
-O_ARC_LENGTH = 8
-O_COST = 9
-O_SUCCESS = 10
+O_SUCCESS = 3
+O_FLAGS = slice(O_TERMINATED, O_SUCCESS + 1)  # what is true or not
+O_LATERAL_ERROR = 4
+O_HEADING_ERROR = 5
+O_LATERAL_ACCELERATION = 6
+O_STEERING_RATE = 7
+O_SPEED = 8
+O_ARC_LENGTH = 9
+O_COST = 10
 OUTCOME_ROWS = 11
 
 # With a driver, before the repetition of same-step autoreset:
