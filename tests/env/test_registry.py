@@ -188,6 +188,7 @@ AMONG_OTHERS = {
     "lanes": [2, 4],
     "flow": ["braking_lead", "cut_in", {"situation": "merging", "cars": 8, "spacing": 60.0, "speeds": (15.0, 20.0)}],
     "set_speed": [20.0, (15.0, 35.0)],
+    "gust_time": [],  # as in Drive
 }
 IN_A_CIRCUIT = {
     **BETWEEN_WALLS,
