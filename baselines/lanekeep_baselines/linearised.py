@@ -7,7 +7,7 @@ them, a learned one too.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -66,7 +66,8 @@ def car_of(scenario: Any, speed: float, channels: tuple[str, ...]) -> System:
         raise ValueError(
             "errors of this scenario are not those of the centre of gravity; there is no linear car for it"
         )
-    a, b, _ = StepModel.of(car, speed, step, scenario.dynamics != "kinematic").with_commands()
+    model = StepModel.of(car, speed, step, scenario.dynamics != "kinematic")
+    a, b, _ = replace(model, b=car.steering.gain * model.b).with_commands()
     sensors = dict(scenario.sensors)
     rows: list[Floats] = []
     for channel in channels:

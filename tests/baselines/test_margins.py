@@ -144,6 +144,15 @@ def test_shipped_designs_are_stable_on_full_size_cars(name: str) -> None:
                 assert found.stable and found.sensitivity < bound, (vehicle, delay, found)
 
 
+def test_a_steering_that_turns_too_far_takes_as_much_of_the_gain_margin() -> None:
+    """A policy without a model of its own scales its loop by it."""
+    plain = scenario_of(vehicle={"base": "yin", "steering": {"delay": 0.05}})
+    faulty = scenario_of(vehicle={"base": "yin", "steering": {"delay": 0.05, "gain": 1.25}})
+    for speed in (5.0, 30.0):
+        found = [margins(lanekeep_baselines.make("stanley", one), one, speed).gain for one in (plain, faulty)]
+        assert found[0] / found[1] == pytest.approx(1.25, rel=1e-6)
+
+
 @pytest.mark.parametrize("name", ["lq-preview", "lq-preview-offset-free", "lqg"])
 def test_the_optima_keep_their_distance_on_the_car_they_are_tuned_for(name: str) -> None:
     """Ms at most 2, the usual bound, from walking pace to 60 m/s, between the design points too."""
