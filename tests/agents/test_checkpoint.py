@@ -205,6 +205,15 @@ def test_numbers_that_no_run_has_are_refused(path, value, folder):
     refused(folder)
 
 
+def test_a_checkpoint_of_the_slower_ppo_is_refused_and_says_why(folder):
+    """Up to November 2026 Adam's step was not fused, and the critic's errors not bounded."""
+    with np.load(folder / CHECKPOINT, allow_pickle=False) as file:
+        group = json.loads(str(file["numbers"]))["policy.optimizer"]["pairs"][1][1]["list"][0]["pairs"]
+    place = [key for key, _ in group].index("fused")
+    renumbered(folder, "policy.optimizer", "pairs", 1, 1, "list", 0, "pairs", place, 1, value=None)
+    assert "has other settings (fused): another version has trained it" in refused(folder)
+
+
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [

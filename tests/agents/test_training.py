@@ -99,6 +99,15 @@ def test_leaving_is_never_better_than_staying_at_any_cost(costs, share, gamma, l
     assert end["episode"]["r"] == pytest.approx(sum(leaves), rel=1e-9)
 
 
+@given(costs=st.lists(st.floats(0.0, 50.0), min_size=1, max_size=50), share=st.floats(0.01, 1.0))
+def test_a_learner_is_told_no_more_than_the_largest_cost(costs, share):
+    """Of each step; and of an end no more than that largest cost for ever."""
+    rewards = [-cost for cost in costs]
+    found, _ = as_the_learner_sees(rewards, share, 0.9, 1.0)
+    np.testing.assert_array_equal(found[:-1], np.clip(rewards[:-1], -share, None))
+    assert found[-1] == max(rewards[-1], -share / (1.0 - 0.9))
+
+
 @pytest.mark.parametrize("env_id", IDS)
 def test_a_step_that_does_not_end_costs_at_most_what_the_scenario_says(env_id):
     """The bound rests on that; and an episode's score is the plain sum of its rewards."""

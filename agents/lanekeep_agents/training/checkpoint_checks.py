@@ -108,8 +108,9 @@ def check_optimizers(model: BaseAlgorithm, fresh: Mapping[str, list[dict[str, An
         for group, usual in zip(optimizer.state_dict()["param_groups"], groups, strict=True):
             require(f"{name}.lr", group["lr"], "", at_least=0.0)
             # A checkpoint has lists where there are tuples.
-            if json.dumps({**group, "lr": None}) != json.dumps({**usual, "lr": None}):
-                raise ValueError(f"{name} has other settings")
+            others = [key for key in usual if key != "lr" and json.dumps(group.get(key)) != json.dumps(usual[key])]
+            if others or set(group) != set(usual):
+                raise ValueError(f"{name} has other settings ({', '.join(others)}): another version has trained it")
         for parameter, state in optimizer.state.items():
             if not isinstance(parameter, torch.Tensor) or set(state) != _ADAM:
                 raise ValueError(f"{name} is not Adam's state")

@@ -30,11 +30,9 @@ _BOUNDS: dict[str, dict[str, dict[str, Any]]] = {
         "n_epochs": _COUNT,
         "gae_lambda": {"at_least": 0.0, "at_most": 1.0},
         "clip_range": {"above": 0.0},
-        "clip_range_vf": {"above": 0.0, "optional": True},
         "ent_coef": {"at_least": 0.0},
         "vf_coef": {"at_least": 0.0},
         "max_grad_norm": {"above": 0.0},
-        "target_kl": {"above": 0.0, "optional": True},
     },
     "sac": {**_OFF_POLICY, "ent_coef": {"at_least": 0.0}, "target_entropy": {}, "target_update_interval": _COUNT},
     "td3": {

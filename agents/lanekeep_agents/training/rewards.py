@@ -19,7 +19,7 @@ class LearnersRewards(VecEnvWrapper):
 
     Args:
         venv: cars, with corrections or without.
-        largest_cost: of a control step.
+        largest_cost: of a control step; more is not told to the learner.
         gamma: discount of a control step.
         scale: factor of the rewards.
 
@@ -29,7 +29,7 @@ class LearnersRewards(VecEnvWrapper):
 
     def __init__(self, venv: VecEnv, largest_cost: float, gamma: float, scale: float) -> None:
         super().__init__(venv)
-        self._floor = -largest_cost / (1.0 - gamma)
+        self._least, self._floor = -largest_cost, -largest_cost / (1.0 - gamma)
         self._scale = scale
         self._returns: NDArray[np.float64] = np.zeros(self.num_envs)
         self._lengths: NDArray[np.int64] = np.zeros(self.num_envs, dtype=np.int64)
@@ -48,11 +48,14 @@ class LearnersRewards(VecEnvWrapper):
         self.seconds += time.perf_counter() - begun
         self._returns += rewards
         self._lengths += 1
+        bounded = np.maximum(rewards, self._least)
         for car in np.flatnonzero(dones):
+            if not infos[car].get("TimeLimit.truncated"):
+                bounded[car] = max(rewards[car], self._floor)
             infos[car]["episode"] = {"r": float(self._returns[car]), "l": int(self._lengths[car]), "t": 0.0}
         self._returns[dones] = 0.0
         self._lengths[dones] = 0
-        return observation, np.maximum(rewards, self._floor) * self._scale, dones, infos
+        return observation, bounded * self._scale, dones, infos
 
     def get_state(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""

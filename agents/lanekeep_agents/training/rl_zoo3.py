@@ -32,7 +32,7 @@ def zoo_settings(algorithm: str, env_id: str) -> dict[str, Any]:
     settings = settings_for(algorithm, env_id)
     scenario = lanekeep_env.ENVIRONMENTS[settings.env_id].scenario.from_keywords(**settings.env)
     rewards = {
-        "largest_cost": scenario.largest_cost * scenario.control_step,
+        "largest_cost": settings.largest_cost * scenario.largest_cost * scenario.control_step,
         "gamma": settings.gamma,
         "scale": settings.reward_scale,
     }

@@ -29,6 +29,7 @@ from lanekeep_agents.training.checkpoint_checks import Arrays
 from lanekeep_agents.training.evaluation import HeldOut, Score, number
 from lanekeep_agents.training.folder import CHECKPOINT, EVALUATIONS, SETTINGS, check, claim, policy_name
 from lanekeep_agents.training.imitation import imitate
+from lanekeep_agents.training.lean_ppo import LeanPPO
 from lanekeep_agents.training.normalisation import Normalised
 from lanekeep_agents.training.residual import Corrections
 from lanekeep_agents.training.rewards import LearnersRewards
@@ -42,7 +43,7 @@ __all__ = ["CHECKPOINT", "EVALUATIONS", "SETTINGS", "command", "run"]
 #: Steps done and what to say about it.
 Report = Callable[[int, str], None]
 
-_ALGORITHMS: dict[str, type[PPO] | type[SAC] | type[TD3]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
+_ALGORITHMS: dict[str, type[PPO] | type[SAC] | type[TD3]] = {"ppo": LeanPPO, "sac": SAC, "td3": TD3}
 _ABSENT = object()
 _ACTIVATIONS = {name: layer for layer, name in ACTIVATIONS.items()}
 
@@ -85,7 +86,7 @@ def run(
         raise ValueError(f"env: {error}") from error
     scenario = cars.env.unwrapped.scenario  # type: ignore[attr-defined]
     inner = cars if settings.base is None else Corrections(cars, scenario, settings.base, settings.bound or 0.0)
-    largest = scenario.largest_cost * scenario.control_step
+    largest = settings.largest_cost * scenario.largest_cost * scenario.control_step
     rewards = LearnersRewards(inner, largest, settings.gamma, settings.reward_scale)
     env = Normalised(rewards)
     model = _model(settings, env)
@@ -141,7 +142,7 @@ def _model(settings: TrainingSettings, env: VecNormalize) -> BaseAlgorithm:
             gamma=settings.gamma,
             seed=settings.seed_of("training"),
             device="cpu",
-            policy_kwargs=network_of(settings),
+            policy_kwargs={**network_of(settings), "optimizer_kwargs": {"fused": True}},
             **further,
         )
     except (TypeError, AssertionError) as error:

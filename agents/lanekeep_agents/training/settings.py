@@ -50,6 +50,8 @@ class TrainingSettings:
         log_std: of the first actions' noise (PPO), natural logarithm.
         action_noise: standard deviation of the exploration (TD3).
         reward_scale: factor of the rewards, so that returns are of order one to a hundred.
+        largest_cost: of a control step that is learned from, as a share of the environment's largest: with less, cars
+            that are far out of the lane do not drown what those in it can learn.
         evaluations: times that the policy is tried on held-out seeds, evenly spread over the run.
         evaluation_episodes: each time.
         base: classical policy that is corrected, None for a policy on its own.
@@ -73,6 +75,7 @@ class TrainingSettings:
     log_std: float = 0.0
     action_noise: float = 0.1
     reward_scale: float = 1.0
+    largest_cost: float = 1.0
     evaluations: int = 20
     evaluation_episodes: int = 128
     base: str | None = None
@@ -113,6 +116,7 @@ class TrainingSettings:
         require("log_std", self.log_std, "", at_least=-20.0, at_most=2.0)
         require("action_noise", self.action_noise, "", at_least=0.0)
         require("reward_scale", self.reward_scale, "", above=0.0)
+        require("largest_cost", self.largest_cost, "(a share)", above=0.0, at_most=1.0)
         require("evaluations", self.evaluations, "", at_least=1, at_most=10_000, whole=True)
         require("evaluation_episodes", self.evaluation_episodes, "", at_least=1, at_most=100_000, whole=True)
         if (self.base is None) != (self.bound is None):
