@@ -300,9 +300,9 @@ class KnightRidersCircuit(DrivingPolicy):
     def _goes_on(
         self, at: Mapping[str, Floats], side: Floats, heading: Floats, right: Floats, corridor: Floats
     ) -> Floats:
-        """Return how far ahead of the rear axle the ultrasonic ahead hears the inner wall, m, (n,), -inf where it does not.
+        """Return how far ahead of the rear axle the inner wall is heard, m, (n,), -inf where it is not.
 
-        A wall along the car is heard where the cone's rim meets it, glass as well; the inner wall ends behind that place.
+        A wall along the car is heard where the cone's rim meets it, glass as well: it ends behind that place.
         """
         echo = at.get("distance_front", np.zeros_like(right))
         apart = np.where(side < 0.0, right, corridor - right), np.where(side < 0.0, corridor - right, right)

@@ -58,6 +58,8 @@ class LocalMap:
 
     #: Places of a side's wall beyond its echo, and how far off its line the rim still shows the same wall, m.
     UNSEEN, SAME_WALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9), 0.12
+    #: The same behind, where the car came from.
+    BEHIND: ClassVar[tuple[float, ...]] = (0.15, 0.3, 0.45)
     #: How far an echo ahead may be from that of a wall beside the car, m.
     HEARD: ClassVar[float] = 0.06
     #: Angle that is the rim, rad.
@@ -163,10 +165,15 @@ class LocalMap:
         off = sine * (ahead - x) + cosine * (left - y)
         same = known.any(axis=0) & ((np.abs(off) < self.SAME_WALL) | ~known).all(axis=0)
         onwards = np.array(self.UNSEEN)[:, None]
+        behind = (echo > 0.0) & (np.abs(heading) < 1.2 * HALF_CONE)
+        back = np.array(self.BEHIND)[:, None]
+        xb, yb = x - back * cosine, y + back * sine
+        xb, yb = np.where(behind, xb, NOWHERE), np.where(behind, yb, NOWHERE)
         x, y = x + onwards * cosine, y - onwards * sine
         goes_on = heard | same & (y * self._rim_cosine > (x - self._nose) * self._rim_sine)
         goes_on &= echo > 0.0
-        return np.where(goes_on, x, NOWHERE), np.where(goes_on, y, NOWHERE)
+        x, y = np.where(goes_on, x, NOWHERE), np.where(goes_on, y, NOWHERE)
+        return np.concatenate([x, xb]), np.concatenate([y, yb])
 
     def _approach(self, at: Mapping[str, Floats], before: Echo, fresh: NDArray[np.bool_] | bool, way: Floats) -> Echo:
         """Return what is known of the echo ahead after a step of that ``way``, m, (n,)."""
