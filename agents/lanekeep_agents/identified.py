@@ -37,6 +37,18 @@ _ANGLE_PRIOR, _ACCELERATION_PRIOR = 3e-6, 40.0
 _SLOWEST = 6.0
 _LARGEST = 4.0
 
+# Indices instead of many small operations, which would take most of the time of a few cars. The sums are of products of
+# two of these: the wheel's ways to the three commands, what of its way the nominal actuator leaves, lateral
+# acceleration, both offsets, what of the turn the nominal car leaves, the second difference, and one.
+_FACTORS, _SUMS = 10, 15
+_FIRST = np.array([0, 0, 0, 1, 1, 2, 0, 1, 2, 4, 5, 6, 7, 8, 9])
+_SECOND = np.array([0, 1, 2, 1, 2, 2, 3, 3, 3, 4, 4, 4, 4, 8, 9])
+# Of the symmetric matrix (a b c, b d e, c e f): the minors a', b', ... are products of two less products of two.
+_MINORS = np.array([[3, 2, 1, 0, 1, 0], [5, 4, 4, 5, 2, 3], [4, 1, 2, 2, 0, 1], [4, 5, 3, 2, 4, 1]])
+_ADJUGATE = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
+_PRIOR = _ANGLE_PRIOR * np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])[:, None]
+_NOISES = np.array([[1e-4], [1e-2]])
+
 
 class Seen(NamedTuple):
     """What a step shows, (n,) each: `READ`, and the estimated slip offsets of the axles, rad."""
@@ -69,66 +81,54 @@ class Identifier:
         )
 
     def follow(self, memory: Floats, fresh: NDArray[np.bool_] | bool, seen: Seen) -> tuple[Floats, Floats]:
-        """Return the quantities (n, `IDENTIFIED`) and the next memory (n, `MEMORY`).
+        """Return the quantities (`IDENTIFIED`, n) and the next memory (`MEMORY`, n).
 
         Args:
-            memory: what the last call returned; meaningless in rows that are ``fresh``. Never written to.
-            fresh: rows in which an episode starts, (n,), or one answer for all.
+            memory: what the last call returned; meaningless in columns that are ``fresh``. Never written to.
+            fresh: columns in which an episode starts, (n,), or one answer for all.
             seen: the present step.
         """
-        kept = self._fade * memory
-        steer, command, offset = seen.steering_angle, seen.steering_command, seen.lateral_error
-        before, sent, sent_before, error, error_before, steps = memory[:, 15:].T
-        x = (command - before, sent - before, sent_before - before)
-        y = steer - before - self._response * x[0]
-        acceleration = seen.speed * seen.yaw_rate
-        turning = steer - self._wheelbase * seen.yaw_rate / np.maximum(seen.speed, _SLOWEST)
-        second = np.where(steps > 1.0, offset - 2.0 * error + error_before, 0.0)
-        new = (
-            *(x[0] * x[0], x[0] * x[1], x[0] * x[2], x[1] * x[1], x[1] * x[2], x[2] * x[2]),
-            *(x[0] * y, x[1] * y, x[2] * y),
-            acceleration * acceleration,
-            seen.front_offset * acceleration,
-            seen.rear_offset * acceleration,
-            (turning - self._understeer * acceleration) * acceleration,
-            second * second,
-            1.0,
-        )
+        steer, command, error = seen.steering_angle, seen.steering_command, seen.lateral_error
+        before, sent, _, _, _, steps = memory[_SUMS:]
+        factors = np.empty((_FACTORS, len(steer)))
+        np.subtract(command, before, out=factors[0])
+        np.subtract(memory[_SUMS + 1 : _SUMS + 3], before, out=factors[1:3])
+        factors[3] = steer - before - self._response * factors[0]
+        acceleration = np.multiply(seen.speed, seen.yaw_rate, out=factors[4])
+        factors[5], factors[6] = seen.front_offset, seen.rear_offset
+        turning = self._wheelbase * seen.yaw_rate / np.maximum(seen.speed, _SLOWEST)
+        factors[7] = steer - turning - self._understeer * acceleration
+        factors[8] = np.where(steps > 1.0, error - 2.0 * memory[_SUMS + 3] + memory[_SUMS + 4], 0.0)
+        factors[9] = 1.0
         following = np.empty_like(memory)
-        for i, value in enumerate(new):
-            following[:, i] = kept[:, i] + value
+        following[:_SUMS] = factors[_FIRST]
+        following[:_SUMS] *= factors[_SECOND]
         started = np.broadcast_to(np.asarray(fresh), steer.shape)
-        following[started, :15] = 0.0
-        following[started, 14] = 1.0
-        following[:, 15], following[:, 16], following[:, 18] = steer, command, offset
-        following[:, 17] = np.where(started, command, sent)
-        following[:, 19] = np.where(started, offset, error)
-        following[:, 20] = np.where(started, 1.0, steps + 1.0)
+        if started.any():
+            following[:_SUMS] = np.where(started, 0.0, following[:_SUMS] + self._fade * memory[:_SUMS])
+            following[_SUMS - 1] = np.where(started, 1.0, following[_SUMS - 1])
+            sent, earlier = np.where(started, command, sent), np.where(started, error, memory[_SUMS + 3])
+            steps = np.where(started, 0.0, steps)
+        else:
+            following[:_SUMS] += self._fade * memory[:_SUMS]
+            earlier = memory[_SUMS + 3]
+        for row, value in enumerate((steer, command, sent, error, earlier, steps + 1.0), start=_SUMS):
+            following[row] = value
         return _quantities(following), following
 
 
 def _quantities(memory: Floats) -> Floats:
-    a, b, c, d, e, f, p, q, r = memory[:, :9].T
-    a, d, f = a + _ANGLE_PRIOR, d + _ANGLE_PRIOR, f + _ANGLE_PRIOR
-    # Least squares of three: Cramer's rule, element by element, as rows are to be independent.
-    aa, bb, cc = d * f - e * e, c * e - b * f, b * e - c * d
-    determinant = a * aa + b * bb + c * cc
-    dd, ee, ff = a * f - c * c, b * c - a * e, a * d - b * b
-    squares = memory[:, 9] + _ACCELERATION_PRIOR
-    noise = memory[:, 13] / memory[:, 14]
-    found = np.empty((len(memory), len(IDENTIFIED)))
-    for i, value in enumerate(
-        (
-            5.0 * (aa * p + bb * q + cc * r) / determinant,
-            5.0 * (bb * p + dd * q + ee * r) / determinant,
-            5.0 * (cc * p + ee * q + ff * r) / determinant,
-            100.0 * memory[:, 10] / squares,
-            100.0 * memory[:, 11] / squares,
-            100.0 * memory[:, 12] / squares,
-            noise / (noise + 1e-4),
-            noise / (noise + 1e-2),
-            squares / (squares + 400.0) - _ACCELERATION_PRIOR / (_ACCELERATION_PRIOR + 400.0),
-        )
-    ):
-        found[:, i] = value
-    return found.clip(-_LARGEST, _LARGEST, out=found)
+    found = np.empty((len(IDENTIFIED), memory.shape[1]))
+    moments = memory[:6] + _PRIOR
+    # Least squares of three: Cramer's rule, element by element, as cars are to be independent.
+    minors = moments[_MINORS[0]] * moments[_MINORS[1]] - moments[_MINORS[2]] * moments[_MINORS[3]]
+    parts = moments[:3] * minors[:3]
+    solved = minors[_ADJUGATE].reshape(3, 3, -1) * memory[6:9]
+    np.add(solved[:, 0] + solved[:, 1], solved[:, 2], out=found[:3])
+    found[:3] *= 5.0 / (parts[0] + parts[1] + parts[2])
+    squares = memory[9] + _ACCELERATION_PRIOR
+    np.multiply(memory[10:13], 100.0 / squares, out=found[3:6])
+    noise = memory[13] / memory[14]
+    np.divide(noise, noise + _NOISES, out=found[6:8])
+    found[8] = squares / (squares + 400.0) - _ACCELERATION_PRIOR / (_ACCELERATION_PRIOR + 400.0)
+    return np.minimum(np.maximum(found, -_LARGEST, out=found), _LARGEST, out=found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,13 +75,14 @@ class StudentPolicy:
         self._read = [channels.index(name) for name in READ]
         self._place(channels, student.terms)
         sizes = [len(side) for product in student.products for side in (product.left, product.right)]
-        self._cuts = np.cumsum(sizes)[:-1]
+        self._cuts = list(pairwise(np.cumsum([0, *sizes]).tolist()))
 
     def _place(self, channels: Sequence[str], terms: Sequence[str]) -> None:
-        """Give every factor its column among what is known, and every term those of its factors."""
+        """Give every factor its row among what is known, and every term those of its factors."""
         columns = {ONE: 0, SLOWNESS: 1, **{name: i + 2 for i, name in enumerate(channels)}}
         columns |= {f"identified.{name}": len(columns) + i for i, name in enumerate(IDENTIFIED)}
-        self._estimates: list[tuple[int, int]] = []  # place in the controllers' memories side by side, column
+        self._estimates: list[int] = []  # places in the controllers' memories side by side
+        self._estimated: list[int] = []  # their rows among what is known
         starts = np.cumsum([0, *self._widths])
         for factor in dict.fromkeys(factor for term in terms for factor in factors_of(term)):
             if (of := base_of(factor)) is None or factor in columns:
@@ -93,12 +95,15 @@ class StudentPolicy:
                 )
             columns[factor] = len(columns)
             if place is not None:
-                self._estimates.append((int(starts[number]) + place, columns[factor]))
+                self._estimates.append(int(starts[number]) + place)
+                self._estimated.append(columns[factor])
         self._actions = [columns.get(f"base{number}", -1) for number in range(len(self._bases))]
         self._width = len(columns)
         padded = np.array([(factors_of(term) + [ONE] * MOST_FACTORS)[:MOST_FACTORS] for term in terms])
-        factors = [np.array([columns[one] for one in column]) for column in padded.T]
-        self._factors = [column for column in factors if column.any()]  # the rest is 1
+        factors = np.vectorize(columns.__getitem__, otypes=[np.intp])(padded).T
+        self._first = factors[0]
+        # Which terms have a second, a third factor, and which rows those are.
+        self._further = [(np.flatnonzero(rows), rows[rows > 0]) for rows in factors[1:] if rows.any()]
 
     def __repr__(self) -> str:
         record = self.record
@@ -149,35 +154,31 @@ class StudentPolicy:
         fresh: NDArray[np.bool_] | bool = state is None
         if state is not None and episode_start is not None:
             fresh = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), (n,))
-        known = np.empty((n, self._width))
-        channels = rows[:, self._bound.columns].astype(np.float64)
-        known[:, 0] = 1.0
-        known[:, 2 : 2 + channels.shape[1]] = channels
-        following, first = np.empty_like(memory), 0
-        corrected = known[:, 0]
+        known = np.empty((self._width, n))  # a row each: rows are gathered ten times as fast as columns
+        channels = known[2 : 2 + len(self.record.channels)]
+        known[0], channels[:] = 1.0, rows[:, self._bound.columns].T
+        following, first, corrected = np.empty_like(memory), 0, known[0]
         for number, (base, width) in enumerate(zip(self._bases, self._widths, strict=True)):
             before = None if state is None or not width else memory[:, first : first + width]
             action, after = base.predict(rows, before, None if before is None else fresh)
-            asked = action[:, 0].astype(np.float64).clip(-1.0, 1.0)
+            asked = action[:, 0].clip(-1.0, 1.0).astype(np.float64)
             if width:
                 following[:, first : first + width] = after
             if self._actions[number] >= 0:
-                known[:, self._actions[number]] = asked
-            if number == 0:
-                corrected = asked
+                known[self._actions[number]] = asked
+            corrected = corrected if number else asked
             first += width
-        for place, column in self._estimates:
-            known[:, column] = following[:, place]
-        seen = channels.T[self._read]
-        known[:, 1] = 1.0 / np.maximum(seen[READ.index("speed")], _SLOWEST)
+        known[self._estimated] = following.T[self._estimates]
+        seen = channels[self._read]
+        np.divide(1.0, np.maximum(seen[READ.index("speed")], _SLOWEST), out=known[1])
         offsets = (following[:, place] if self._widths[0] > place else np.zeros(n) for place in _OFFSETS)
-        told = self._identifier.follow(memory[:, first:], fresh, Seen(*seen, *offsets))
-        at = 2 + channels.shape[1]
-        known[:, at : at + len(IDENTIFIED)], following[:, first:] = told
-        terms = known[:, self._factors[0]]
-        for factor in self._factors[1:]:
-            terms *= known[:, factor]
-        sides = np.split(terms, self._cuts, axis=1)
+        identified, kept = self._identifier.follow(memory[:, first:].T, fresh, Seen(*seen, *offsets))
+        at = 2 + len(channels)
+        known[at : at + len(IDENTIFIED)], following[:, first:] = identified, kept.T
+        terms = known[self._first]
+        for which, factor in self._further:
+            terms[which] *= known[factor]
+        sides = [terms[first:last].T for first, last in self._cuts]
         return Known(corrected, list(zip(sides[::2], sides[1::2], strict=True))), following
 
     def correct(self, known: Known) -> Floats:
@@ -188,7 +189,7 @@ class StudentPolicy:
             blocks = np.zeros((-(-n // BLOCK), BLOCK, left.shape[1]))
             blocks.reshape(-1, left.shape[1])[:n] = left
             gains = (blocks @ weight).reshape(-1, right.shape[1])[:n]
-            correction += np.vecdot(gains, right)
+            correction += np.vecdot(gains, np.ascontiguousarray(right))
         correction.clip(-self._largest, self._largest, out=correction)
         correction += known.action
         return correction.clip(-1.0, 1.0, out=correction)

@@ -232,7 +232,7 @@ CAR = vehicle_from("yin")
 def _identified(lag_factor=1.0, delay=0, offsets=(0.0, 0.0), noise=0.0, steps=400, changed=None):
     """Follow a made-up car whose road wheel goes after its command as a first-order lag, exactly."""
     rng = np.random.default_rng(5)
-    follow, memory, fresh = Identifier(CAR, 0.05, 8.0), np.zeros((1, MEMORY)), True
+    follow, memory, fresh = Identifier(CAR, 0.05, 8.0), np.zeros((MEMORY, 1)), True
     steer, sent = 0.0, [0.0] * 3
     for k in range(steps):
         factor = changed if changed is not None and k > steps // 2 else lag_factor
@@ -245,7 +245,7 @@ def _identified(lag_factor=1.0, delay=0, offsets=(0.0, 0.0), noise=0.0, steps=40
         # The command of this step acts in it; `steering_command` shows it in the next observation.
         response = -np.expm1(-0.05 / (factor * CAR.steering.lag))
         steer += response * (sent[delay] - steer)
-    return dict(zip(IDENTIFIED, found[0], strict=True))
+    return dict(zip(IDENTIFIED, found[:, 0], strict=True))
 
 
 def test_a_slower_actuator_is_identified():

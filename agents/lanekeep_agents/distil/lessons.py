@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +15,8 @@ from lanekeep_agents.distil.mix import Lessons
 from lanekeep_agents.optimum import Optimiser, best
 from lanekeep_agents.teacher import Floats, Teacher
 from lanekeep_env.checks import shown_path
-from lanekeep_env.files import read_bounded, write_atomic
+from lanekeep_env.files import write_atomic
+from lanekeep_env.plain import read_arrays
 
 #: What the optimum starts from beside the controllers of the student.
 _FURTHER = ("stanley",)
@@ -22,12 +24,13 @@ _FURTHER = ("stanley",)
 _WORST = -15.0
 #: How far beside a drive its feedback is believed: m along the road and across, rad.
 _NEAR = (5.0, 1.0, 0.2)
-LARGEST_LESSONS = 1 << 30
+#: Bytes beyond which files of a run are not read.
+LARGEST = 1 << 30
 
 
 class Shown(NamedTuple):
     """Drives of a set: ``seeds`` (n,), ``actions`` (steps, n), ``states`` and ``gains`` (steps, n, states),
-    ``curvature`` (steps, n) of the return by the action, ``returns`` (n,) and the student's base's, ``good`` (n,)."""
+    ``curvature`` (steps, n) of the cost by the action, ``returns`` (n,) and the student's base's, ``good`` (n,)."""
 
     seeds: NDArray[np.int64]
     actions: Floats
@@ -40,7 +43,7 @@ class Shown(NamedTuple):
 
     def at(self, step: int, teacher: Teacher) -> tuple[Floats, Floats]:
         """Return what the teacher would do in a step from where its cars are now, (n,), and what another action costs:
-        the curvature of the return, 0 where it does not say."""
+        so much times the difference squared, 0 where it does not say."""
         way = teacher.from_states(teacher.states, self.states[step])
         action = self.actions[step] + np.einsum("nj,nj->n", self.gains[step], way)
         near = self.good & (np.abs(way[:, :3]) < _NEAR).all(axis=1)
@@ -78,8 +81,22 @@ def write_shown(file: Path, shown: Shown) -> None:
 
 def read_shown(file: Path) -> Shown:
     """Read what a teacher showed; ValueError where the file is damaged."""
+    found = arrays_in(file, Shown._fields)
+    shown = Shown(**found)
+    steps, n = shown.actions.shape if shown.actions.ndim == 2 else (0, 0)
+    wide = (steps, n, len(shown.states[0, 0]) if shown.states.ndim == 3 and steps and n else 0)
+    shapes = [(n,), (steps, n), wide, wide, (steps, n), (n,), (n,), (n,)]
+    if not n or [array.shape for array in shown] != shapes:
+        raise ValueError(f"{shown_path(file)} is not what a teacher showed; use --overwrite")
+    return shown
+
+
+def arrays_in(file: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """Read the arrays of a file of this run; ValueError, one line, where they are not all there."""
     try:
-        with np.load(io.BytesIO(read_bounded(file, LARGEST_LESSONS)), allow_pickle=False) as found:
-            return Shown(**{name: found[name] for name in Shown._fields})
-    except (OSError, KeyError, ValueError, EOFError) as error:
-        raise ValueError(f"{shown_path(file)} is not what a teacher showed ({error}); use --overwrite") from None
+        found = read_arrays(file, LARGEST)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{shown_path(file)} is damaged ({error}); use --overwrite") from None
+    if set(found) != set(names):
+        raise ValueError(f"{shown_path(file)} is not of this run: it must hold {', '.join(names)}; use --overwrite")
+    return found

@@ -22,7 +22,7 @@ from lanekeep_agents.teacher import Floats, Teacher
 #: Of an episode's steps all of the first are learned from, then one of so many.
 FIRST, ONE_OF = 60, 6
 #: Regret of a step (the return's unit) from which on it counts less: what no correction can mend.
-OUTLIER = 0.02
+OUTLIER = 0.04
 #: Largest disturbance of the actions of the first round, drawn for each car: it has to see how to come back.
 DISTURBED = 0.004
 #: Share of what earlier rounds taught that is kept.
@@ -88,7 +88,7 @@ class Drill:
             start, action = np.zeros(n, dtype=bool), student.correct(known)
             if k < FIRST or k % ONE_OF == phase:
                 wanted, curvature = self.shown.at(k, teacher)
-                regret = 0.5 * curvature * (action - wanted) ** 2
+                regret = curvature * (action - wanted) ** 2
                 weight = (1.0 if k < FIRST else ONE_OF) * curvature / (1.0 + regret / OUTLIER)
                 rows.append((features(known), wanted - known.action, weight))
             if len(rows) == _CHUNK or (rows and k + 1 == len(self.shown.actions)):

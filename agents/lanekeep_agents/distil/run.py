@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import lanekeep_baselines
 import lanekeep_env
 from lanekeep_agents.distil.features import products
-from lanekeep_agents.distil.lessons import Shown, read_shown, shown_by_teacher, write_shown
+from lanekeep_agents.distil.lessons import Shown, arrays_in, read_shown, shown_by_teacher, write_shown
 from lanekeep_agents.distil.mix import Lessons, Mix, read_mix
 from lanekeep_agents.distil.rounds import KEPT, Drill, Sums, held_out, tensors_of
 from lanekeep_agents.policy_file import read_policy, write_policy
@@ -32,7 +32,7 @@ from lanekeep_env.files import locked, read_bounded, write_atomic
 from lanekeep_env.plain import parse_json
 
 SETTINGS, SCORES = "settings.json", "scores.json"
-LARGEST_RECORD, LARGEST_ROUND = 1 << 20, 1 << 28
+LARGEST_RECORD = 1 << 20
 #: Episodes of each drill that a round is scored on, and how bad one of them may be there.
 HELD_OUT, WORST = 32, -20.0
 #: Mixes that come with the package, a file an id.
@@ -247,11 +247,7 @@ def _write_round(file: Path, sums: Sums, weights: Floats, score: Floats) -> None
 
 
 def _read_round(file: Path, size: int) -> tuple[Sums, Floats, Floats]:
-    try:
-        with np.load(io.BytesIO(read_bounded(file, LARGEST_ROUND)), allow_pickle=False) as found:
-            sums = Sums(found["squares"], found["products"])
-            if sums.squares.shape != (size, size) or sums.products.shape != (size,):
-                raise ValueError("its arrays have other shapes")
-            return sums, found["weights"], found["score"]
-    except (OSError, KeyError, ValueError, EOFError) as error:
-        raise ValueError(f"{file} is not a round of this run ({error}); use --overwrite") from None
+    found = arrays_in(file, ("squares", "products", "weights", "score"))
+    if [found[name].shape for name in ("squares", "products", "weights")] != [(size, size), (size,), (size,)]:
+        raise ValueError(f"{file} is not a round of this run; use --overwrite")
+    return Sums(found["squares"], found["products"]), found["weights"], found["score"]
