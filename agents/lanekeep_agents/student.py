@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,10 +27,11 @@ _OFFSETS = (5, 6)
 
 
 class Known(NamedTuple):
-    """What a step knows: the corrected controller's action (n,), and the terms of each product's sides, (n, terms)."""
+    """What a step knows: the corrected controller's action (n,), and the terms of the products' sides, (terms, n)."""
 
     action: Floats
-    sides: list[tuple[Floats, Floats]]
+    left: Floats
+    right: Floats
 
 
 class StudentPolicy:
@@ -46,6 +46,7 @@ class StudentPolicy:
         name: of the policy.
         record: what it is and how it came about.
         memory: numbers that it remembers of each car.
+        places: of each product's terms among all that are on the left, and on the right.
 
     Raises:
         ValueError: tensors that the record does not ask for, or a scenario that the policy cannot drive.
@@ -68,21 +69,30 @@ class StudentPolicy:
         self._bases: list[Any] = bound.make_bases()
         self._widths = [int(getattr(base, "memory", 0)) for base in self._bases]
         self.memory = sum(self._widths) + MEMORY
-        self._weights = [tensors[f"products.{i}"].astype(np.float64) for i in range(len(student.products))]
         car = bound.scenario
         self._identifier = Identifier(car.vehicle, car.control_step, student.fade)
         channels = [channel.name for channel in record.channels]
-        self._read = [channels.index(name) for name in READ]
-        self._place(channels, student.terms)
-        sizes = [len(side) for product in student.products for side in (product.left, product.right)]
-        self._cuts = list(pairwise(np.cumsum([0, *sizes]).tolist()))
+        self._read = np.array([channels.index(name) for name in READ])
+        # One product instead of several: terms that they share are multiplied once.
+        left, right = (
+            {term: i for i, term in enumerate(dict.fromkeys(terms))}
+            for terms in (
+                [term for product in student.products for term in product.left],
+                [term for product in student.products for term in product.right],
+            )
+        )
+        self._place(channels, [*left, *right])
+        self._weights, self.places = np.zeros((len(left), len(right))), []
+        for i, product in enumerate(student.products):
+            places = [left[term] for term in product.left], [right[term] for term in product.right]
+            np.add.at(self._weights, np.ix_(*places), tensors[f"products.{i}"].astype(np.float64))
+            self.places.append(places)
 
     def _place(self, channels: Sequence[str], terms: Sequence[str]) -> None:
         """Give every factor its row among what is known, and every term those of its factors."""
         columns = {ONE: 0, SLOWNESS: 1, **{name: i + 2 for i, name in enumerate(channels)}}
         columns |= {f"identified.{name}": len(columns) + i for i, name in enumerate(IDENTIFIED)}
-        self._estimates: list[int] = []  # places in the controllers' memories side by side
-        self._estimated: list[int] = []  # their rows among what is known
+        estimates: list[tuple[int, int]] = []
         starts = np.cumsum([0, *self._widths])
         for factor in dict.fromkeys(factor for term in terms for factor in factors_of(term)):
             if (of := base_of(factor)) is None or factor in columns:
@@ -95,8 +105,9 @@ class StudentPolicy:
                 )
             columns[factor] = len(columns)
             if place is not None:
-                self._estimates.append(int(starts[number]) + place)
-                self._estimated.append(columns[factor])
+                estimates.append((int(starts[number]) + place, columns[factor]))
+        # Places in the controllers' memories side by side, and their rows among what is known.
+        self._estimates, self._estimated = np.array(estimates, dtype=np.intp).reshape(-1, 2).T
         self._actions = [columns.get(f"base{number}", -1) for number in range(len(self._bases))]
         self._width = len(columns)
         padded = np.array([(factors_of(term) + [ONE] * MOST_FACTORS)[:MOST_FACTORS] for term in terms])
@@ -172,24 +183,23 @@ class StudentPolicy:
         seen = channels[self._read]
         np.divide(1.0, np.maximum(seen[READ.index("speed")], _SLOWEST), out=known[1])
         offsets = (following[:, place] if self._widths[0] > place else np.zeros(n) for place in _OFFSETS)
-        identified, kept = self._identifier.follow(memory[:, first:].T, fresh, Seen(*seen, *offsets))
+        own = np.ascontiguousarray(memory[:, first:].T)
+        identified, kept = self._identifier.follow(own, fresh, Seen(*seen, *offsets))
         at = 2 + len(channels)
         known[at : at + len(IDENTIFIED)], following[:, first:] = identified, kept.T
         terms = known[self._first]
         for which, factor in self._further:
             terms[which] *= known[factor]
-        sides = [terms[first:last].T for first, last in self._cuts]
-        return Known(corrected, list(zip(sides[::2], sides[1::2], strict=True))), following
+        return Known(corrected, *np.split(terms, [len(self._weights)])), following
 
     def correct(self, known: Known) -> Floats:
         """Return the corrected actions, (n,)."""
-        n = len(known.action)
-        correction = np.zeros(n)
-        for weight, (left, right) in zip(self._weights, known.sides, strict=True):
-            blocks = np.zeros((-(-n // BLOCK), BLOCK, left.shape[1]))
-            blocks.reshape(-1, left.shape[1])[:n] = left
-            gains = (blocks @ weight).reshape(-1, right.shape[1])[:n]
-            correction += np.vecdot(gains, np.ascontiguousarray(right))
+        left, n = known.left, len(known.action)
+        blocks = np.zeros((-(-n // BLOCK), BLOCK, len(left)))
+        blocks.reshape(-1, len(left))[:n] = left.T
+        gains = (blocks @ self._weights).reshape(-1, len(known.right))[:n]
+        correction = np.vecdot(gains, np.ascontiguousarray(known.right.T))
         correction.clip(-self._largest, self._largest, out=correction)
         correction += known.action
-        return correction.clip(-1.0, 1.0, out=correction)
+        clipped: Floats = correction.clip(-1.0, 1.0, out=correction)
+        return clipped

@@ -6,7 +6,7 @@ prediction to no-regret online learning, AISTATS 2011.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -90,7 +90,7 @@ class Drill:
                 wanted, curvature = self.shown.at(k, teacher)
                 regret = curvature * (action - wanted) ** 2
                 weight = (1.0 if k < FIRST else ONE_OF) * curvature / (1.0 + regret / OUTLIER)
-                rows.append((features(known), wanted - known.action, weight))
+                rows.append((features(known, student.places), wanted - known.action, weight))
             if len(rows) == _CHUNK or (rows and k + 1 == len(self.shown.actions)):
                 sums, rows = sums.plus(_summed(rows), 1.0), []
             if disturbed:
@@ -101,11 +101,11 @@ class Drill:
         return sums, float(total.mean())
 
 
-def features(known: Known) -> NDArray[np.float32]:
-    """What each weight is multiplied with, (n, weights), in the order of the tensors."""
-    n = len(known.action)
-    parts = [(left[:, :, None] * right[:, None]).reshape(n, -1) for left, right in known.sides]
-    return np.concatenate(parts, axis=1).astype(np.float32)
+def features(known: Known, places: Sequence[tuple[list[int], list[int]]]) -> NDArray[np.float32]:
+    """What each weight is multiplied with, (n, weights), in the order of the tensors; places as a student's."""
+    left, right = known.left.T.astype(np.float32), known.right.T.astype(np.float32)
+    parts = [(left[:, i, None] * right[:, None, j]).reshape(len(left), -1) for i, j in places]
+    return np.concatenate(parts, axis=1)
 
 
 def tensors_of(record: PolicyRecord, weights: Floats) -> dict[str, NDArray[np.float32]]:
