@@ -18,6 +18,7 @@ from lanekeep_env.checks import nearest, shown
 if TYPE_CHECKING:
     from lanekeep_agents.learned import LearnedPolicy
     from lanekeep_agents.policy_record import PolicyRecord
+    from lanekeep_agents.student import StudentPolicy
     from lanekeep_agents.vec_env import CarVecEnv
     from lanekeep_env.scenario.car import CarScenario
 
@@ -43,7 +44,9 @@ def _drives(name: str, scenario: CarScenario) -> bool:
         return False
 
 
-def load(name_or_path: str | Path, scenario: CarScenario | None = None, *, allow_files: bool = False) -> LearnedPolicy:
+def load(
+    name_or_path: str | Path, scenario: CarScenario | None = None, *, allow_files: bool = False
+) -> LearnedPolicy | StudentPolicy:
     """Load a learned policy; nothing in its files is executed, and no other file is read.
 
     Args:
@@ -61,6 +64,7 @@ def load(name_or_path: str | Path, scenario: CarScenario | None = None, *, allow
     from lanekeep_agents.foreign import named
     from lanekeep_agents.learned import LearnedPolicy
     from lanekeep_agents.policy_file import read_policy
+    from lanekeep_agents.student import StudentPolicy
 
     path = Path(name_or_path)
     if path.suffix not in (".json", ".safetensors"):
@@ -73,7 +77,8 @@ def load(name_or_path: str | Path, scenario: CarScenario | None = None, *, allow
         path = _zoo() / f"{name_or_path}.json"
     record, tensors = read_policy(path)
     try:
-        return LearnedPolicy(record, tensors, scenario, allow_files=allow_files)
+        made = LearnedPolicy if record.student is None else StudentPolicy
+        return made(record, tensors, scenario, allow_files=allow_files)
     except ValueError as error:
         if path == name_or_path or str(path) == name_or_path:  # a file of somebody's own, not a name
             raise ValueError(f"{named(path)}: {error}") from None

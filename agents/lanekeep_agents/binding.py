@@ -28,6 +28,7 @@ class Binding:
     Attributes:
         columns: of the scenario's observation, in the order of the policy's inputs.
         width: channels of the scenario.
+        scenario: that is driven.
 
     Raises:
         ValueError: the scenario lacks a channel or means something else by it, or has another control step or
@@ -39,7 +40,7 @@ class Binding:
             scenario = trained_scenario(record, allow_files)
         if not hasattr(scenario, "channels"):
             raise ValueError(f"scenario={shown(scenario)} is none; pass env.unwrapped.scenario")
-        self._record, self._scenario = record, scenario
+        self._record, self.scenario = record, scenario
         _check(record, scenario)
         order = {channel.name: i for i, channel in enumerate(scenario.channels)}
         self.width = len(order)
@@ -57,23 +58,23 @@ class Binding:
             )
 
     def has_base(self) -> bool:
-        """Tell whether there is a base that can drive the scenario, or none is asked for; nothing is designed."""
-        name = self._record.base
-        return name is None or name in lanekeep_baselines.names(self._base_scenario())
+        """Tell whether there are bases that can drive the scenario, or none is asked for; nothing is designed."""
+        wanted = self._record.bases
+        return not wanted or set(wanted) <= set(lanekeep_baselines.names(self._base_scenario()))
 
-    def make_base(self) -> lanekeep_baselines.Policy | None:
-        """Make the classical policy that is corrected, None where there is none; ValueError where it cannot drive."""
-        record = self._record
-        if record.base is None:
-            return None
+    def make_bases(self) -> list[lanekeep_baselines.Policy]:
+        """Make the classical policies that the record asks for; ValueError where one of them cannot drive."""
+        return [self._made(name) for name in self._record.bases]
+
+    def _made(self, name: str) -> lanekeep_baselines.Policy:
         try:
-            return lanekeep_baselines.make(record.base, self._base_scenario())
+            return lanekeep_baselines.make(name, self._base_scenario())
         except (ValueError, ArithmeticError) as error:
-            raise ValueError(f"policy {record.name!r}: base={shown(record.base)}: {one_line(error)}") from None
+            raise ValueError(f"policy {self._record.name!r}: base={shown(name)}: {one_line(error)}") from None
 
     def _base_scenario(self) -> CarScenario:
         """The scenario with the action trained on, so that both meanings of the base, input and sum, stay the same."""
-        record, scenario = self._record, self._scenario
+        record, scenario = self._record, self.scenario
         if not self._converts:
             return scenario
         return replace(
@@ -92,7 +93,7 @@ class Binding:
         """
         if not self._converts:
             return action
-        trained, scenario = self._record, self._scenario
+        trained, scenario = self._record, self.scenario
         before = observation[:, self._command].astype(np.float64)
         command = action[:, 0] * np.float64(trained.max_steering_angle)
         if trained.action == "steering_rate":

@@ -48,7 +48,7 @@ class LearnedPolicy:
         self.record = record
         self.name = record.name
         self._bound = Binding(record, scenario, allow_files=allow_files)
-        self._base = self._bound.make_base()
+        self._base = next(iter(self._bound.make_bases()), None)
         variance = tensors["variance"].astype(np.float64)
         # What is added to or multiplied by blocks has their shape: numpy then runs through a block at once.
         self._mean = _block(tensors["mean"])

@@ -58,7 +58,7 @@ class Law:
     Attributes:
         correction: of the actions, which vanishes at an optimum, (steps, n).
         gains: (steps, n, states).
-        curvature: second derivative of the cost to come by the action, (steps, n).
+        curvature: half the second derivative of the cost to come by the action, (steps, n).
     """
 
     correction: Floats

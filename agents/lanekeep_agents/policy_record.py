@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Any, ClassVar, Self
 
 from lanekeep_agents.activations import ACTIVATIONS
+from lanekeep_agents.student_record import Student
 from lanekeep_env import ENVIRONMENTS
 from lanekeep_env.adapters import ADAPTED
 from lanekeep_env.checks import LONGEST_ECHO, choose, from_mapping, plain_numbers, require, shown
@@ -129,6 +130,7 @@ class PolicyRecord:
         base: classical policy that this one corrects, None for none; its actions are inputs behind the channels.
         bound: largest correction of an action, None without a base.
         frames: observations that the policy sees at once, the present one and those before it.
+        student: what makes it one with memory, whose network has no layer and reads nothing; None for another.
         sha256: of the file of weights; `write_policy` fills it in.
 
     Raises:
@@ -153,12 +155,14 @@ class PolicyRecord:
     bound: float | None = None
     frames: int = 1
     sha256: str = ""
+    student: Student | None = None
 
     _parts: ClassVar[Mapping[str, Callable[[Any], Any]]] = {
         "channels": lambda value: _channels(value),
         "network": lambda value: _part(Network, value, "network"),
         "normalisation": lambda value: _part(Normalisation, value, "normalisation"),
         "training": lambda value: _part(Training, value, "training"),
+        "student": lambda value: None if value is None else _part(Student, value, "student", True),
     }
 
     def __post_init__(self) -> None:
@@ -185,9 +189,27 @@ class PolicyRecord:
         require("frames", self.frames, "observations", at_least=1, at_most=256, whole=True)
         if self.frames > 1 and self.base is not None:
             raise ValueError(f"frames={self.frames} is not allowed: it must be 1 where there is a base")
+        if self.student is not None:
+            self._check_student(self.student)
         if self.sha256:
             _digits("sha256", self.sha256, 64)
         plain_numbers(self)
+
+    def _check_student(self, student: Student) -> None:
+        for field, value, wanted in (
+            ("base", self.base is not None, "the controller that is corrected"),
+            ("actions", self.actions == 1, "1"),
+            ("frames", self.frames == 1, "1"),
+            ("network.hidden", not self.network.hidden, "[]"),
+        ):
+            if not value:
+                raise ValueError(f"{field} is not allowed: it must be {wanted} where there is a student")
+        student.check([channel.name for channel in self.channels])
+
+    @property
+    def bases(self) -> tuple[str, ...]:
+        """Classical policies that it takes: the one that it corrects, and those that it listens to beside it."""
+        return () if self.base is None else (self.base, *(self.student.beside if self.student else ()))
 
     @property
     def inputs(self) -> int:
@@ -197,6 +219,9 @@ class PolicyRecord:
     @property
     def shapes(self) -> dict[str, Shape]:
         """Shape of each tensor."""
+        if self.student is not None:
+            products = enumerate(self.student.products)
+            return {f"products.{i}": (len(product.left), len(product.right)) for i, product in products}
         shapes: dict[str, Shape] = {"mean": (self.inputs,), "variance": (self.inputs,)}
         if self.frames > 1:
             shapes["before"] = (self.inputs - len(self.channels),)
@@ -207,7 +232,10 @@ class PolicyRecord:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the record as JSON-able values; `from_dict` reads them back."""
-        return {"format": FORMAT, **asdict(self)}
+        values = {"format": FORMAT, **asdict(self)}
+        if self.student is None:  # as files were before there were any
+            del values["student"]
+        return values
 
     @classmethod
     def from_dict(cls, values: Any) -> Self:
@@ -220,7 +248,7 @@ class PolicyRecord:
             raise ValueError("format is missing: not the record of a learned policy")
         if values["format"] != FORMAT or isinstance(values["format"], bool):
             raise ValueError(f"format={shown(values['format'])} is unknown; allowed: {FORMAT}")
-        given = {"frames": 1, **values}  # of which older files do not know
+        given = {"frames": 1, "student": None, **values}  # of which older files do not know
         record = _part(cls, {name: value for name, value in given.items() if name != "format"}, "the record", True)
         _digits("sha256", record.sha256, 64)
         return record

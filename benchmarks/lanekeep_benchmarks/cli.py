@@ -16,6 +16,7 @@ import lanekeep_env
 from lanekeep_benchmarks.bound_command import bound
 from lanekeep_benchmarks.check import commands as check
 from lanekeep_benchmarks.console import console, progress
+from lanekeep_benchmarks.distil_command import distil
 from lanekeep_benchmarks.endings import (
     ClosedOutput,
     Interrupted,
@@ -68,6 +69,7 @@ app.command()(export)
 app.command(name="play")(play_command)
 app.command(name="margins")(margins_command)
 app.command()(train)
+app.command()(distil)
 app.command()(replicate)
 app.command()(zoo)
 app.command()(warmup)

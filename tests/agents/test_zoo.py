@@ -6,6 +6,7 @@ import json
 import re
 import shlex
 from collections import defaultdict
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 import lanekeep_agents
 import lanekeep_baselines
+from lanekeep_agents.distil.run import settings_for as distil_settings_for
 from lanekeep_agents.policy_file import read_policy, read_record
 from lanekeep_agents.training.run import command
 from lanekeep_agents.training.settings import TrainingSettings, changes_from, settings_for
@@ -22,6 +24,8 @@ from lanekeep_env.scenario import DriveScenario, LaneKeepScenario, TurnOffScenar
 ROOT = Path(__file__).parents[2]
 ZOO = Path(lanekeep_agents.__path__[0], "zoo")
 NAMES = lanekeep_agents.names()
+DISTILLED = [name for name in NAMES if name.startswith("distilled-")]
+NETWORKS = [name for name in NAMES if name not in DISTILLED]
 
 
 def test_four_environments_have_policies_of_five_training_seeds():
@@ -33,7 +37,17 @@ def test_four_environments_have_policies_of_five_training_seeds():
         assert seeds[f"lanekeep/{task}-v0"] >= {0, 1, 2, 3, 4}
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", DISTILLED)
+def test_the_command_of_a_distilled_one_learns_from_the_mix_that_it_was_distilled_from(name):
+    record = read_record(ZOO / f"{name}.json")
+    words = shlex.split(record.training.command)
+    assert words[:2] == ["lanekeep", "distil"] and words[3] == "--seed" and len(words) == 5
+    settings = distil_settings_for(words[2], int(words[4]))
+    assert settings.name == name and settings.seed == record.training.seed
+    assert json.loads(json.dumps(asdict(settings.mix))) == record.training.hyperparameters["mix"]
+
+
+@pytest.mark.parametrize("name", NETWORKS)
 def test_the_command_in_the_file_asks_for_the_settings_it_was_trained_with(name):
     """Otherwise nobody could train it again: the command is read as `lanekeep train` reads it."""
     record = read_record(ZOO / f"{name}.json")
@@ -65,7 +79,7 @@ def test_it_drives_better_than_doing_nothing(name):
     assert held_out.score(policy).mean_return > held_out.score(Nothing()).mean_return
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NETWORKS)
 def test_nothing_that_hardly_varied_in_training_is_blown_up(name):
     """Of a channel with a mean, a per cent more is a standard deviation at the most."""
     _, tensors = read_policy(ZOO / f"{name}.json")
@@ -82,7 +96,7 @@ def test_files_are_small_plain_and_come_in_pairs():
 
 def test_the_readme_lists_them_all():
     text = (ROOT / "README.md").read_text()
-    listed = set(re.findall(r"^\| (\S*?ppo-\S+(?: \(\d seeds\))?) \|", text, re.MULTILINE))
+    listed = set(re.findall(r"^\| ((?:\S*?ppo|distilled)-\S+(?: \(\d seeds\))?) \|", text, re.MULTILINE))
     assert listed == set(rows_of(NAMES))
 
 
