@@ -18,13 +18,13 @@ import uuid
 from pathlib import Path
 from typing import Any
 
-from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 
 from lanekeep_env.files import read_bounded
 from lanekeep_env.fingerprint import fingerprint
+from lanekeep_env.linking import rebuild
 
 #: Folders of kernels that were not used for so long (s) are removed when a new one is made.
 KEPT = 30 * 86400.0
@@ -35,7 +35,7 @@ _LARGEST = 1 << 26
 
 #: Whether it was told that something is compiled.
 _told = False
-_MAGIC = b"lanekeep kernel 1\n"
+_MAGIC = b"lanekeep kernel 2\n"
 _FOLDER = re.compile(r"[0-9a-f]{16}")
 #: Files that this cache, or numba's in its place before, wrote, temporary ones included.
 _FILE = re.compile(r".*\.(nbc|nbi)(\.tmp\.[0-9a-f]+)?")
@@ -76,7 +76,7 @@ class KernelCache:
             payload = _payload(path, key)
             if payload is None:
                 return None
-            result = CompileResult._rebuild(target_context, *pickle.loads(payload))
+            result = rebuild(target_context, pickle.loads(payload))
             if tuple(result.signature.args) != tuple(normalize_signature(signature)[0]):
                 return None  # types that differ and are written alike
             _mark_used(path.parent)
@@ -90,7 +90,7 @@ class KernelCache:
             if result.library.has_dynamic_globals or any(not lifted.can_cache for lifted in result.lifted):
                 return
             key, path = self._place(signature, result.codegen)
-            payload = dumps(result._reduce())
+            payload = dumps(result._replace(type_annotation="")._reduce())
             if not path.parent.is_dir():
                 path.parent.mkdir(parents=True, exist_ok=True)
                 _remove_unused(path.parent.parent)
