@@ -18,6 +18,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, kernel
 from lanekeep_env.engine.delay import acting_row, delay_commands
 from lanekeep_env.engine.episode import cars_in, set_speeds
+from lanekeep_env.engine.subnormals import flush_subnormals, restore_subnormals
 from lanekeep_env.physics.integrate import PACED, named
 from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.numeric import clip, like
@@ -237,6 +238,7 @@ def step_kernels(model: CarModel, family: Family, num_actions: int) -> tuple[Cal
     @named(name)
     def step(begin, end, cars, counters, ground, index, settings, equipment, action, observation, outcome):
         gear, floor, world = equipment[1], equipment[2], (ground, index)
+        before = flush_subnormals(settings[0])
         for k in range(begin, end):
             block = cars[k]
             if paced:
@@ -252,6 +254,7 @@ def step_kernels(model: CarModel, family: Family, num_actions: int) -> tuple[Cal
                 after_substep(k, cars, counters, world)
             show(block, floor)
             finish(k, cars, counters, world, settings, equipment, (observation, outcome))
+        restore_subnormals(settings[0], before)
 
     @kernel(parallel=True)
     @named(name)
