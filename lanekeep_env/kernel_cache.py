@@ -112,7 +112,9 @@ class KernelCache:
     def _place(self, signature: Any, codegen: Any) -> tuple[bytes, Path]:
         """Return the key of what is compiled, for which types and which processor, and its file."""
         hashed = fingerprint(self._compiled)
-        key = hashlib.sha256("\0".join((hashed, str(signature), *map(str, codegen.magic_tuple()))).encode())
+        key = hashlib.sha256(
+            "\0".join((str(_MAGIC), hashed, str(signature), *map(str, codegen.magic_tuple()))).encode()
+        )
         name = re.sub(r"\W", "", self._compiled.py_func.__name__)
         return key.digest(), self._folder(hashed) / f"{name}-{key.hexdigest()[:16]}.nbc"
 

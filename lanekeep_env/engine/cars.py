@@ -11,6 +11,7 @@ from gymnasium.utils import seeding
 from lanekeep_env import layout as at
 from lanekeep_env.engine.reset_options import DRAWN, bounds, split, start_rows
 from lanekeep_env.engine.step import Family, reset_kernel, step_kernels
+from lanekeep_env.engine.threads import Faster
 from lanekeep_env.sensing.measure import TRUTH
 
 #: Cars that are advanced together: enough for SIMD, few enough for the first-level cache.
@@ -80,7 +81,8 @@ class Cars:
         raise NotImplementedError
 
     def _bind_kernels(self) -> None:
-        self.step, self.step_parallel = step_kernels(self.scenario.model, self.family, self.num_actions)
+        self.step, on_threads = step_kernels(self.scenario.model, self.family, self.num_actions)
+        self.step_parallel = Faster(self.step, on_threads)
         self._reset = reset_kernel(self.family)
 
     def _settings(self) -> np.ndarray:
