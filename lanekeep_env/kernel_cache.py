@@ -55,6 +55,8 @@ class KernelCache:
 
     def __init__(self, compiled: Dispatcher) -> None:
         self._compiled = compiled
+        #: Key and file by signature of what was looked for and is being compiled.
+        self._wanted: dict[Any, tuple[bytes, Path]] = {}
 
     @property
     def cache_path(self) -> str:
@@ -72,13 +74,14 @@ class KernelCache:
         # Whatever is wrong with a disk or a file: compiling is the answer to all of it.
         try:
             target_context.refresh()
-            key, path = self._place(signature, target_context.codegen())
+            key, path = self._wanted[signature] = self._place(signature, target_context.codegen())
             payload = _payload(path, key)
             if payload is None:
                 return None
             result = rebuild(target_context, pickle.loads(payload))
             if tuple(result.signature.args) != tuple(normalize_signature(signature)[0]):
                 return None  # types that differ and are written alike
+            del self._wanted[signature]
             _mark_used(path.parent)
             return result
         except Exception:
@@ -89,7 +92,7 @@ class KernelCache:
         try:
             if result.library.has_dynamic_globals or any(not lifted.can_cache for lifted in result.lifted):
                 return
-            key, path = self._place(signature, result.codegen)
+            key, path = self._wanted.pop(signature, None) or self._place(signature, result.codegen)
             payload = dumps(result._replace(type_annotation="")._reduce())
             if not path.parent.is_dir():
                 path.parent.mkdir(parents=True, exist_ok=True)
