@@ -12,6 +12,7 @@ from numba.extending import register_jitable
 
 from lanekeep_env.fingerprint import COMPILED_WITH
 from lanekeep_env.kernel_cache import KernelCache
+from lanekeep_env.linking import PartCompiler
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -20,8 +21,13 @@ F = TypeVar("F", bound=Callable[..., Any])
 # Nothing is allocated inside, so reference counting (_nrt) is off: it costs time to compile and to run.
 _OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "_nrt": False}
 
-# Functions that Python never calls need no entry from Python; that halves the time to compile.
-_INTERNAL: dict[str, Any] = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# Functions that Python never calls need no entry from Python, and no machine code of their own.
+_INTERNAL: dict[str, Any] = {
+    **_OPTIONS,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": PartCompiler,
+}
 
 
 # Where results follow another program's operation by operation, each is rounded as there.

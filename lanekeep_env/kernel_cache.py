@@ -18,7 +18,6 @@ import uuid
 from pathlib import Path
 from typing import Any
 
-from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
@@ -26,6 +25,7 @@ from numba.core.sigutils import normalize_signature
 
 from lanekeep_env.files import read_bounded
 from lanekeep_env.fingerprint import fingerprint
+from lanekeep_env.linking import rebuild
 
 #: Folders of kernels that were not used for so long (s) are removed when a new one is made.
 KEPT = 30 * 86400.0
@@ -36,7 +36,7 @@ _LARGEST = 1 << 26
 
 #: Whether it was told that something is compiled.
 _told = False
-_MAGIC = b"lanekeep kernel 1\n"
+_MAGIC = b"lanekeep kernel 2\n"
 _FOLDER = re.compile(r"[0-9a-f]{16}")
 #: Files that this cache, or numba's in its place before, wrote, temporary ones included.
 _FILE = re.compile(r".*\.(nbc|nbi)(\.tmp\.[0-9a-f]+)?")
@@ -56,6 +56,8 @@ class KernelCache:
 
     def __init__(self, compiled: Dispatcher) -> None:
         self._compiled = compiled
+        #: Key and file by signature of what was looked for and is being compiled.
+        self._wanted: dict[Any, tuple[bytes, Path]] = {}
 
     @property
     def cache_path(self) -> str:
@@ -75,13 +77,14 @@ class KernelCache:
             # All that compiled code needs to run. A refresh imports what compiling needs, SciPy included, which takes
             # as long as everything else up to the first step.
             rtsys.initialize(target_context)
-            key, path = self._place(signature, target_context.codegen())
+            key, path = self._wanted[signature] = self._place(signature, target_context.codegen())
             payload = _payload(path, key)
             if payload is None:
                 return None
-            result = CompileResult._rebuild(target_context, *pickle.loads(payload))
+            result = rebuild(target_context, pickle.loads(payload))
             if tuple(result.signature.args) != tuple(normalize_signature(signature)[0]):
                 return None  # types that differ and are written alike
+            del self._wanted[signature]
             _mark_used(path.parent)
             return result
         except Exception:
@@ -92,8 +95,8 @@ class KernelCache:
         try:
             if result.library.has_dynamic_globals or any(not lifted.can_cache for lifted in result.lifted):
                 return
-            key, path = self._place(signature, result.codegen)
-            payload = dumps(result._reduce())
+            key, path = self._wanted.pop(signature, None) or self._place(signature, result.codegen)
+            payload = dumps(result._replace(type_annotation="")._reduce())
             if not path.parent.is_dir():
                 path.parent.mkdir(parents=True, exist_ok=True)
                 _remove_unused(path.parent.parent)
@@ -115,7 +118,9 @@ class KernelCache:
     def _place(self, signature: Any, codegen: Any) -> tuple[bytes, Path]:
         """Return the key of what is compiled, for which types and which processor, and its file."""
         hashed = fingerprint(self._compiled)
-        key = hashlib.sha256("\0".join((hashed, str(signature), *map(str, codegen.magic_tuple()))).encode())
+        key = hashlib.sha256(
+            "\0".join((str(_MAGIC), hashed, str(signature), *map(str, codegen.magic_tuple()))).encode()
+        )
         name = re.sub(r"\W", "", self._compiled.py_func.__name__)
         return key.digest(), self._folder(hashed) / f"{name}-{key.hexdigest()[:16]}.nbc"
 

@@ -13,6 +13,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.engine.packed import Packed
 from lanekeep_env.engine.reset_options import DRAWN, bounds, split, start_rows
 from lanekeep_env.engine.step import Family, reset_kernel, step_kernels
+from lanekeep_env.engine.threads import Faster
 from lanekeep_env.physics.models import CarModel
 from lanekeep_env.sensing.measure import TRUTH
 
@@ -95,8 +96,8 @@ class Cars:
 
     @cached_property
     def step_parallel(self) -> Callable[..., None]:
-        """The same on several threads."""
-        return self._stepper(1)
+        """The same on several threads, where they are faster."""
+        return Faster(self.step, self._stepper(1))
 
     @property
     def _compiled(self) -> tuple[CarModel, Family]:

@@ -19,6 +19,7 @@ from lanekeep_env.compile import helper, kernel
 from lanekeep_env.engine.delay import acting_row, delay_commands
 from lanekeep_env.engine.episode import cars_in, set_speeds
 from lanekeep_env.engine.packed import unpack
+from lanekeep_env.engine.subnormals import flush_subnormals, restore_subnormals
 from lanekeep_env.physics.integrate import PACED, named
 from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.numeric import clip, like
@@ -238,6 +239,7 @@ def step_kernels(model: CarModel, family: Family, num_actions: int) -> tuple[Cal
     def step(packed, begin, end, outcome):
         cars, counters, ground, index, settings, equipment, action, observation = unpack(packed)
         gear, floor, world = equipment[1], equipment[2], (ground, index)
+        before = flush_subnormals(settings[0])
         for k in range(begin, end):
             block = cars[k]
             if paced:
@@ -253,6 +255,7 @@ def step_kernels(model: CarModel, family: Family, num_actions: int) -> tuple[Cal
                 after_substep(k, cars, counters, world)
             show(block, settings, floor)
             finish(k, cars, counters, world, settings, equipment, (observation, outcome))
+        restore_subnormals(settings[0], before)
 
     @kernel(parallel=True)
     @named(name)

@@ -14,6 +14,7 @@ from gymnasium.vector.utils import batch_space
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require, shown
+from lanekeep_env.engine.threads import start_threads
 from lanekeep_env.envs.info import TRUTH
 from lanekeep_env.envs.single import SingleEnv
 from lanekeep_env.envs.skin import Skin, check_modes, observation_space, seed_from
@@ -79,6 +80,8 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._masks = tuple(f"_{name}" for name in (*dict(TRUTH), "is_success", "termination", *dict(self.further)))
         self._threads = num_threads
+        if num_threads > 1:
+            start_threads(num_threads)
         self._same_step = code == at.SAME_STEP
         self._everyone = np.ones(num_envs, dtype=np.bool_)
         self._everyone.flags.writeable = False
