@@ -116,6 +116,8 @@ class LaneKeepScenario(RoadScenario):
         if isinstance(self.speed, FileSpeed) and self.speed.maximum is None:
             largest = max(float(speeds.max()) for _, speeds in road_set(self.road, self.speed))
             object.__setattr__(self, "speed", FileSpeed(largest))
+        choose("dynamics", self.dynamics, ("dynamic", "kinematic"))
+        choose("tyre", self.tyre, TYRES)
         if self.model.transfers_load and isinstance(self.speed, LimitedSpeed):
             object.__setattr__(self, "speed", replace(self.speed, friction_ellipse=True))
         super()._settle()
@@ -132,8 +134,6 @@ class LaneKeepScenario(RoadScenario):
         )
 
     def _check(self) -> None:
-        choose("dynamics", self.dynamics, ("dynamic", "kinematic"))
-        choose("tyre", self.tyre, TYRES)
         if not isinstance(self.cornering_drag, bool):
             raise ValueError(f"cornering_drag={shown(self.cornering_drag)} is not allowed: it must be True or False")
         require("friction", self.friction, "", at_least=1e-3, at_most=2.0)
