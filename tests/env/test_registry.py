@@ -39,10 +39,11 @@ IDS = sorted(lanekeep_env.ENVIRONMENTS)
 ON_A_ROAD = {
     "vehicle": ["commonroad-2", {"base": "yin", "mass": 2000.0, "steering": {"lag": 0.05, "delay": 0.07}}],
     "dynamics": ["kinematic"],
-    "tyre": ["magic_formula"],
+    "tyre": ["magic_formula", "load_sensitive"],
+    "cornering_drag": [True],
     "friction": [0.5],
     "road": ["yin", {"kind": "circle", "radius": 150.0}],
-    "speed": [20.0, {"lateral_acceleration": 2.0, "maximum": 30.0}],
+    "speed": [20.0, {"lateral_acceleration": 2.0, "maximum": 30.0, "friction_ellipse": True}],
     "action": ["steering_rate"],
     "max_steering_angle": [0.3],
     "max_steering_rate": [0.2],
@@ -141,7 +142,7 @@ SUPPORTING = {
     "reference_assistance": [0.05],
 }
 BACKING_UP = {
-    **{key: value for key, value in EVASIVE.items() if key not in ("dynamics", "tyre", "friction")},
+    **{key: value for key, value in EVASIVE.items() if key not in ("dynamics", "tyre", "cornering_drag", "friction")},
     "road": [{"kind": "parking", "count": 3, "smallest_radius": 6.0}, {"kind": "circle", "radius": -8.0}],
     "speed": [0.8, {"minimum": 0.3, "maximum": 1.0, "hold": 2.0, "standstill": 0.2}],
     "start_lateral_error": [0.3],
@@ -151,8 +152,8 @@ BACKING_UP = {
 }
 DRIVING = {
     **EVASIVE,
-    "dynamics": [],  # nothing else is allowed
-    "tyre": [],
+    **{key: [] for key in ("dynamics", "cornering_drag")},  # nothing else is allowed
+    "tyre": ["load_sensitive"],
     "speed": [18.0, {"lateral_acceleration": 2.0, "maximum": 25.0}],
     "reference_steering_rate": [0.3],
     "road": ["yin", {"kind": "circle", "radius": 150.0}],
@@ -231,6 +232,7 @@ OPTIONS = {
 #: What options take beside them to have an effect.
 BESIDE = {
     "friction": {"tyre": "magic_formula"},
+    "cornering_drag": {"tyre": "magic_formula"},
     "max_steering_rate": {"action": "steering_rate"},
     "preview_interval": {"preview": 4},
 }
