@@ -23,7 +23,7 @@ from __future__ import annotations
 from lanekeep_env import layout as at
 from lanekeep_env.compile import inline
 from lanekeep_env.physics.numeric import clip, larger, like, smaller, sqrt
-from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.physics.parameters import GRAVITY, VehicleParameters
 from lanekeep_env.physics.tyres import MAGIC_FORMULA_SHAPE
 
 #: Share of the friction that is taken along at the most.
@@ -32,6 +32,22 @@ LARGEST_ALONG = 0.95
 MOST_LOADED = 2.0
 #: Share of the stiffness's loss in the circle's.
 _SECANT = (1.0 + 2.0 / MAGIC_FORMULA_SHAPE**2) / 3.0
+
+
+def numbers_of(car: VehicleParameters) -> dict[int, float]:
+    """Return what the functions here read of a nominal car, by row of `layout`'s settings."""
+    lever, front = 2.0 * car.height / car.track, car.front_roll_stiffness
+    return {
+        at.MASS: car.mass,
+        at.NOMINAL_FRONT: car.cg_to_front_axle,
+        at.NOMINAL_REAR: car.cg_to_rear_axle,
+        at.CG_HEIGHT: car.height,
+        at.ROLL_FRONT: front * lever,
+        at.ROLL_REAR: (1.0 - front) * lever,
+        at.FRICTION_SENSITIVITY: car.friction_load_sensitivity,
+        at.STIFFNESS_SENSITIVITY: car.stiffness_load_sensitivity,
+        at.HALF_TRACK: 0.5 * car.track,
+    }
 
 
 @inline

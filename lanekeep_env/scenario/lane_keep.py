@@ -11,6 +11,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require, shown
 from lanekeep_env.physics import models
 from lanekeep_env.physics.integrate import HELD
+from lanekeep_env.physics.load_transfer import numbers_of
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.randomisation import FRICTION_SHARE
 from lanekeep_env.roads import (
@@ -149,17 +150,8 @@ class LaneKeepScenario(RoadScenario):
 
     def numbers(self) -> dict[int, Any]:
         """The kernel's settings by row of `layout`."""
-        car = self.vehicle
-        lever, front = 2.0 * car.height / car.track, car.front_roll_stiffness
-        return {
-            **super().numbers(),
-            at.PREVIEW: self.preview,
-            at.PREVIEW_TIME: self.preview_interval,
-            at.CG_HEIGHT: car.height,
-            at.ROLL_FRONT: (front * lever, (1.0 - front) * lever),
-            at.FRICTION_SENSITIVITY: (car.friction_load_sensitivity, car.stiffness_load_sensitivity),
-            at.HALF_TRACK: 0.5 * car.track,
-        }
+        preview = {at.PREVIEW: self.preview, at.PREVIEW_TIME: self.preview_interval}
+        return {**super().numbers(), **numbers_of(self.vehicle), **preview}
 
     @property
     def _friction(self) -> float:
