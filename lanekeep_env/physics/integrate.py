@@ -17,7 +17,7 @@ from typing import Any
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.load_transfer import LARGEST_ALONG, unchanged
+from lanekeep_env.physics.load_transfer import LARGEST_ALONG, read, unchanged
 from lanekeep_env.physics.numeric import clip, larger, like, smaller, sqrt, wrapped
 from lanekeep_env.physics.single_track import no_drag
 from lanekeep_env.physics.steering import advance_gear, advance_steering
@@ -194,14 +194,14 @@ def integrator(
         v_, target_, pull_, across_ = block[at.SPEED], block[at.SPEED_TARGET], block[at.PULL], block[at.ACCELERATION]
         h, most = settings[at.STEP_TIME], settings[at.SPEED_CHANGE]
         widest, fastest = like(h, LARGEST_SIDESLIP), like(h, LARGEST_YAW_RATE)
-        ideal = settings[at.IDEAL_STEERING] > like(h, 0.0)
+        ideal, numbers = settings[at.IDEAL_STEERING] > like(h, 0.0), read(settings)
         for i in range(block.shape[1]):
             x = _not_negative(along_[i])
             begin, command, response, change = steer_[i], command_[i], response_[i], change_[i]
             begin = command if ideal else begin  # the road wheel follows at once
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
             pull = pull_of(v_[i], r_[i], x, squared_[i], gain_[i], pull_[i], car)
-            car_now = tyres(car, grip_[i], pull, across_[i], settings)
+            car_now = tyres(car, grip_[i], pull, across_[i], numbers)
             pull -= drag(beta_[i], r_[i], begin, v_[i], car_now)
             speeds = speeds_of(v_[i], x, squared_[i], gain_[i], target_[i], pull, h, most)
             if keeps:  # decided when the loop is compiled, as whether there is a gear
@@ -243,6 +243,7 @@ def shower(
         stiff_f_, stiff_r_ = block[at.FRONT_STIFFNESS], block[at.REAR_STIFFNESS]
         peak_f_, peak_r_, grip_ = block[at.FRONT_PEAK], block[at.REAR_PEAK], block[at.FRONT_GRIP]
         v_, acceleration_, pull_ = block[at.SPEED], block[at.ACCELERATION], block[at.PULL]
+        numbers = read(settings)
         for i in range(block.shape[1]):
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
             v = v_[i] if keeps_speed else _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
@@ -251,7 +252,7 @@ def shower(
             beta = clip(beta_[i], -like(v, LARGEST_SIDESLIP), like(v, LARGEST_SIDESLIP))
             r = clip(r_[i], -like(v, LARGEST_YAW_RATE), like(v, LARGEST_YAW_RATE))
             pull = pull_of(v, r, _not_negative(along_[i]), speed_[i], gain_[i], pull_[i], car)
-            car_now = tyres(car, grip_[i], pull, acceleration_[i], settings)
+            car_now = tyres(car, grip_[i], pull, acceleration_[i], numbers)
             beta_[i], r_[i], acceleration_[i] = outputs(beta, r, steer_[i], v, car_now)
 
     return show

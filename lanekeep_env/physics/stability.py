@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_env.physics.load_transfer import numbers_of, on_loads
+from lanekeep_env.physics.load_transfer import numbers_of, on_loads, read
 from lanekeep_env.physics.parameters import VehicleParameters
 from lanekeep_env.physics.single_track import SLIP_SPEED_FLOOR
 from lanekeep_env.randomisation import Randomisation
@@ -64,7 +64,7 @@ class Cars:
         one = np.ones_like(self.mass)
         axles = self.front, self.rear, 1.0 / self.mass, 1.0 / self.yaw_inertia
         body = (*axles, self.front_stiffness, self.rear_stiffness, one, one, None)
-        numbers = numbers_of(vehicle)
+        numbers = read(numbers_of(vehicle))
         cars = [on_loads(body, one, (one, one), pull * one, 0.0 * one, numbers)[4:6] for pull in pulls]
         front, rear = (np.concatenate(stiffness) for stiffness in zip(*cars, strict=True))
         mass, inertia, ahead, behind = (

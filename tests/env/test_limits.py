@@ -11,7 +11,6 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, least_squares
 from two_track_oracle import TwoTrack, tyre
 
-from lanekeep_env import layout as at
 from lanekeep_env.physics import load_transfer, models
 from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator, vehicle_from
 from lanekeep_env.scenario import LaneKeepScenario
@@ -179,11 +178,7 @@ def test_sines_of_the_multi_body_car(multi_body, identified, name):
 
 
 def settings_of(car):
-    scenario = LaneKeepScenario(vehicle=car, tyre="load_sensitive")
-    values = np.zeros(at.CHANNELS)
-    for row, number in scenario.numbers().items():
-        values[row : row + np.size(number)] = number
-    return values.tolist()
+    return load_transfer.read(load_transfer.numbers_of(car))
 
 
 def body(car, friction=1.0):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lanekeep_benchmarks.looks import GRID, colour_of, png
 from lanekeep_env.checks import require
 from lanekeep_env.physics import models
-from lanekeep_env.physics.load_transfer import numbers_of
+from lanekeep_env.physics.load_transfer import numbers_of, read
 from lanekeep_env.physics.models import CarModel
 from lanekeep_env.physics.parameters import GRAVITY, VehicleParameters
 
@@ -78,7 +78,7 @@ def _bend(model: CarModel, car: VehicleParameters, speed: float, friction: float
         *(car.front_cornering_stiffness, car.rear_cornering_stiffness),
         *(load * car.cg_to_rear_axle, load * car.cg_to_front_axle, None),
     )
-    numbers, state = numbers_of(car), np.zeros(2)
+    numbers, state = read(numbers_of(car)), np.zeros(2)
     rows: list[tuple[float, float, float]] = []
     for steer in np.arange(_TURN, _LAST, _TURN).tolist():
 
