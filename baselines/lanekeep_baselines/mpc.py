@@ -45,7 +45,7 @@ class MpcPreview(LqPreview):
         if scenario.action == "steering_rate":
             rate = min(rate, scenario.max_steering_rate)
         angle = min(scenario.max_steering_angle, steering.angle_limit or math.inf)
-        saturates = scenario.tyre == "magic_formula" and self._slip
+        saturates = scenario.tyre != "linear" and self._slip
         self._limits = Limits(angle, rate, scenario.friction if saturates else math.inf)
         self._lag = steering.lag
         # From what is seen (estimates, commands on their way, samples of the road) to what the program knows: the

@@ -66,8 +66,8 @@ class LaneKeepEnv(RoadEnv, gym.Env):
 
     ## Arguments
 
-    Every field of `lanekeep_env.LaneKeepScenario`: vehicle, dynamics, tyre, friction, road, speed, action,
-    max_steering_angle, max_steering_rate, start_lateral_error, start_course_error, lane_width,
+    Every field of `lanekeep_env.LaneKeepScenario`: vehicle, dynamics, tyre, cornering_drag, friction, road, speed,
+    action, max_steering_angle, max_steering_rate, start_lateral_error, start_course_error, lane_width,
     departure, bank, crosswind, gusts, gust_time, patches, changes, cost_weight, reference_steering_rate, cost_cap,
     preview, preview_interval, observation, randomisation, sensors, control_step, episode_steps; and dtype ("float64" or
     "float32"), the precision of the simulation.
@@ -75,6 +75,10 @@ class LaneKeepEnv(RoadEnv, gym.Env):
     ```python
     gym.make("lanekeep/LaneKeep-v0", vehicle="commonroad-2", tyre="magic_formula", road="yin", preview=20)
     ```
+
+    `tyre="load_sensitive"` is honest at the limit: load transfer, friction and stiffness that fall with the load,
+    combined slip, and a speed profile within the friction ellipse; `cornering_drag=True` lets bends cost speed
+    (docs/single-track-error.md).
 
     ## Vectorized environment
 

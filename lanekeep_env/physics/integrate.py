@@ -17,7 +17,7 @@ from typing import Any
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.physics.load_transfer import LARGEST_ALONG, unchanged
+from lanekeep_env.physics.load_transfer import LARGEST_ALONG, read, unchanged
 from lanekeep_env.physics.numeric import clip, larger, like, smaller, sqrt, wrapped
 from lanekeep_env.physics.side_forces import push_of
 from lanekeep_env.physics.single_track import no_drag
@@ -232,7 +232,7 @@ def integrator(
         outside = _push_rows(block)
         h, most = settings[at.STEP_TIME], settings[at.SPEED_CHANGE]
         widest, fastest = like(h, LARGEST_SIDESLIP), like(h, LARGEST_YAW_RATE)
-        ideal = settings[at.IDEAL_STEERING] > like(h, 0.0)
+        ideal, numbers = settings[at.IDEAL_STEERING] > like(h, 0.0), read(settings)
         for i in range(block.shape[1]):
             x = _not_negative(along_[i])
             begin, command, response, change = steer_[i], command_[i], response_[i], change_[i]
@@ -240,7 +240,7 @@ def integrator(
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
             pull = pull_of(v_[i], r_[i], x, squared_[i], gain_[i], pull_[i], car)
             across = by_tyres(across_[i], v_[i], beta_[i], floor, numbers_of(car, outside, i))
-            car_now = tyres(car, grip_[i], pull, across, settings)
+            car_now = tyres(car, grip_[i], pull, across, numbers)
             pull -= drag(beta_[i], r_[i], begin, v_[i], car_now)
             speeds = speeds_of(v_[i], x, squared_[i], gain_[i], target_[i], pull, h, most)
             if keeps:  # decided when the loop is compiled, as whether there is a gear
@@ -290,6 +290,7 @@ def shower(
         peak_f_, peak_r_, grip_ = block[at.FRONT_PEAK], block[at.REAR_PEAK], block[at.FRONT_GRIP]
         v_, acceleration_, pull_ = block[at.SPEED], block[at.ACCELERATION], block[at.PULL]
         outside = _push_rows(block)
+        numbers = read(settings)
         for i in range(block.shape[1]):
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
             v = v_[i] if keeps_speed else _profile_speed(_not_negative(along_[i]), speed_[i], gain_[i])
@@ -299,7 +300,7 @@ def shower(
             r = clip(r_[i], -like(v, LARGEST_YAW_RATE), like(v, LARGEST_YAW_RATE))
             pull = pull_of(v, r, _not_negative(along_[i]), speed_[i], gain_[i], pull_[i], car)
             across = by_tyres(acceleration_[i], v, beta, floor, numbers_of(car, outside, i))
-            car_now = numbers_of(tyres(car, grip_[i], pull, across, settings), outside, i)
+            car_now = numbers_of(tyres(car, grip_[i], pull, across, numbers), outside, i)
             beta_[i], r_[i], acceleration_[i] = outputs(beta, r, steer_[i], v, car_now)
 
     return show

@@ -20,10 +20,12 @@ u / (C tan(asin(u) / C)) of it, which is 1 - (1 + 2/C²)/3 (1 - sqrt(1 - u²)) t
 
 from __future__ import annotations
 
+from typing import Any
+
 from lanekeep_env import layout as at
 from lanekeep_env.compile import inline
 from lanekeep_env.physics.numeric import clip, larger, like, smaller, sqrt
-from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.physics.parameters import GRAVITY, VehicleParameters
 from lanekeep_env.physics.tyres import MAGIC_FORMULA_SHAPE
 
 #: Share of the friction that is taken along at the most.
@@ -34,33 +36,65 @@ MOST_LOADED = 2.0
 _SECANT = (1.0 + 2.0 / MAGIC_FORMULA_SHAPE**2) / 3.0
 
 
+def numbers_of(car: VehicleParameters) -> dict[int, float]:
+    """Return what the functions here read of a nominal car, by row of `layout`'s settings."""
+    lever, front = 2.0 * car.height / car.track, car.front_roll_stiffness
+    return {
+        at.MASS: car.mass,
+        at.NOMINAL_FRONT: car.cg_to_front_axle,
+        at.NOMINAL_REAR: car.cg_to_rear_axle,
+        at.CG_HEIGHT: car.height,
+        at.ROLL_FRONT: front * lever,
+        at.ROLL_REAR: (1.0 - front) * lever,
+        at.FRICTION_SENSITIVITY: car.friction_load_sensitivity,
+        at.STIFFNESS_SENSITIVITY: car.stiffness_load_sensitivity,
+        at.HALF_TRACK: 0.5 * car.track,
+    }
+
+
 @inline
-def unchanged(car, grip, pull, across, settings):
+def read(settings: Any) -> tuple[Any, ...]:
+    """Return the numbers of the functions below, before a loop: what a loop reads of an array makes it scalar."""
+    return (
+        settings[at.MASS],
+        settings[at.NOMINAL_FRONT],
+        settings[at.NOMINAL_REAR],
+        settings[at.CG_HEIGHT],
+        settings[at.ROLL_FRONT],
+        settings[at.ROLL_REAR],
+        settings[at.FRICTION_SENSITIVITY],
+        settings[at.STIFFNESS_SENSITIVITY],
+        settings[at.HALF_TRACK],
+    )
+
+
+@inline
+def unchanged(car, grip, pull, across, numbers):
     """The tyres of a car whose loads stay as they are; the arguments are those of the next two."""
     return car
 
 
 @inline
-def braked(car, grip, pull, across, settings):
+def braked(car, grip, pull, across, numbers):
     """The tyres of a car that accelerates with ``pull`` along and ``across`` (m/s²): circle and loads."""
     friction = (car[6] + car[7]) * car[2]
     most = like(pull, LARGEST_ALONG) * friction
     pull = clip(pull, -most, most)
     along = pull / friction
     left = sqrt(like(pull, 1.0) - along * along)
-    return on_loads(car, left, (car[6] * left, car[7] * left), pull, across, settings)
+    return on_loads(car, left, (car[6] * left, car[7] * left), pull, across, numbers)
 
 
 @inline
-def driven(car, grip, pull, across, settings):
+def driven(car, grip, pull, across, numbers):
     """The same of a car whose powertrain has taken its part of the peaks: ``grip`` is the front axle's before, N."""
     most = like(pull, LARGEST_ALONG * GRAVITY)
     left = smaller(car[6] / grip, like(pull, 1.0))
-    return on_loads(car, left, (car[6], car[7]), clip(pull, -most, most), across, settings)
+    return on_loads(car, left, (car[6], car[7]), clip(pull, -most, most), across, numbers)
 
 
 @inline
-def on_loads(car, left, peaks, pull, across, settings):
+def on_loads(car, left, peaks, pull, across, numbers):
     """Return the nine numbers of `single_track` with what accelerations (m/s²) make of a car's tyres, and a tenth.
 
     ``left`` is sqrt(1 - u²), ``peaks`` (N) are the axles' with it. The tenth is by how much the front axle's force acts
@@ -68,18 +102,14 @@ def on_loads(car, left, peaks, pull, across, settings):
     """
     front, rear, base = car[0], car[1], car[0] + car[1]
     one, gravity, most = like(pull, 1.0), like(pull, GRAVITY), like(pull, MOST_LOADED)
-    height, friction, stiffness = (
-        settings[at.CG_HEIGHT],
-        settings[at.FRICTION_SENSITIVITY],
-        settings[at.STIFFNESS_SENSITIVITY],
-    )
+    mass, nominal_front, nominal_rear, height, roll_front, roll_rear, friction, stiffness, half = numbers
     least = like(pull, 0.05 * GRAVITY) * base
     load_f = larger(gravity * rear - pull * height, least)  # times wheelbase over mass
     load_r = larger(gravity * front + pull * height, least)
-    nominal = car[2] * settings[at.MASS] * gravity * base / (settings[at.NOMINAL_FRONT] + settings[at.NOMINAL_REAR])
-    n_f, n_r = load_f / (nominal * settings[at.NOMINAL_REAR]), load_r / (nominal * settings[at.NOMINAL_FRONT])
-    lift_f = clip(across * settings[at.ROLL_FRONT] * base / load_f, -one, one)
-    lift_r = clip(across * settings[at.ROLL_REAR] * base / load_r, -one, one)
+    nominal = car[2] * mass * gravity * base / (nominal_front + nominal_rear)
+    n_f, n_r = load_f / (nominal * nominal_rear), load_r / (nominal * nominal_front)
+    lift_f = clip(across * roll_front * base / load_f, -one, one)
+    lift_r = clip(across * roll_rear * base / load_r, -one, one)
     within = smaller(n_f, most)
     more_f, more_r = within * (one + lift_f * lift_f) - one, smaller(n_r, most) * (one + lift_r * lift_r) - one
     grip_f, secant = one - friction * more_f, one - like(pull, _SECANT) * (one - left)
@@ -94,5 +124,5 @@ def on_loads(car, left, peaks, pull, across, settings):
         peaks[0] * load_f / (gravity * rear) * grip_f,
         peaks[1] * load_r / (gravity * front) * (one - friction * more_r),
         car[8],
-        settings[at.HALF_TRACK] * outer,
+        half * outer,
     )

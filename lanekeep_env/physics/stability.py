@@ -15,8 +15,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_env import layout as at
-from lanekeep_env.physics.load_transfer import on_loads
+from lanekeep_env.physics.load_transfer import numbers_of, on_loads, read
 from lanekeep_env.physics.parameters import VehicleParameters
 from lanekeep_env.physics.single_track import SLIP_SPEED_FLOOR
 from lanekeep_env.randomisation import Randomisation
@@ -65,17 +64,7 @@ class Cars:
         one = np.ones_like(self.mass)
         axles = self.front, self.rear, 1.0 / self.mass, 1.0 / self.yaw_inertia
         body = (*axles, self.front_stiffness, self.rear_stiffness, one, one, None)
-        numbers = {
-            at.CG_HEIGHT: vehicle.height,
-            at.ROLL_FRONT: 0.0,
-            at.ROLL_REAR: 0.0,
-            at.FRICTION_SENSITIVITY: 0.0,
-            at.STIFFNESS_SENSITIVITY: vehicle.stiffness_load_sensitivity,
-            at.HALF_TRACK: 0.0,
-            at.MASS: vehicle.mass,
-            at.NOMINAL_FRONT: vehicle.cg_to_front_axle,
-            at.NOMINAL_REAR: vehicle.cg_to_rear_axle,
-        }
+        numbers = read(numbers_of(vehicle))
         cars = [on_loads(body, one, (one, one), pull * one, 0.0 * one, numbers)[4:6] for pull in pulls]
         front, rear = (np.concatenate(stiffness) for stiffness in zip(*cars, strict=True))
         mass, inertia, ahead, behind = (

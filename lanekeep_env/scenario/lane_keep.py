@@ -11,6 +11,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require, shown
 from lanekeep_env.physics import models
 from lanekeep_env.physics.integrate import HELD
+from lanekeep_env.physics.load_transfer import numbers_of
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.randomisation import FRICTION_SHARE
 from lanekeep_env.roads import (
@@ -116,6 +117,8 @@ class LaneKeepScenario(RoadScenario):
         if isinstance(self.speed, FileSpeed) and self.speed.maximum is None:
             largest = max(float(speeds.max()) for _, speeds in road_set(self.road, self.speed))
             object.__setattr__(self, "speed", FileSpeed(largest))
+        choose("dynamics", self.dynamics, ("dynamic", "kinematic"))
+        choose("tyre", self.tyre, TYRES)
         if self.model.transfers_load and isinstance(self.speed, LimitedSpeed):
             object.__setattr__(self, "speed", replace(self.speed, friction_ellipse=True))
         super()._settle()
@@ -132,8 +135,6 @@ class LaneKeepScenario(RoadScenario):
         )
 
     def _check(self) -> None:
-        choose("dynamics", self.dynamics, ("dynamic", "kinematic"))
-        choose("tyre", self.tyre, TYRES)
         if not isinstance(self.cornering_drag, bool):
             raise ValueError(f"cornering_drag={shown(self.cornering_drag)} is not allowed: it must be True or False")
         require("friction", self.friction, "", at_least=1e-3, at_most=2.0)
@@ -149,17 +150,8 @@ class LaneKeepScenario(RoadScenario):
 
     def numbers(self) -> dict[int, Any]:
         """The kernel's settings by row of `layout`."""
-        car = self.vehicle
-        lever, front = 2.0 * car.height / car.track, car.front_roll_stiffness
-        return {
-            **super().numbers(),
-            at.PREVIEW: self.preview,
-            at.PREVIEW_TIME: self.preview_interval,
-            at.CG_HEIGHT: car.height,
-            at.ROLL_FRONT: (front * lever, (1.0 - front) * lever),
-            at.FRICTION_SENSITIVITY: (car.friction_load_sensitivity, car.stiffness_load_sensitivity),
-            at.HALF_TRACK: 0.5 * car.track,
-        }
+        preview = {at.PREVIEW: self.preview, at.PREVIEW_TIME: self.preview_interval}
+        return {**super().numbers(), **numbers_of(self.vehicle), **preview}
 
     @property
     def _friction(self) -> float:

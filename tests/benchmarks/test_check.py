@@ -2,10 +2,13 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from two_track_oracle import TwoTrack
 
+from lanekeep_benchmarks.check.bends import bends_of
 from lanekeep_benchmarks.check.vehicles import eigenvalues, understeer_gradient
 from lanekeep_benchmarks.cli import run
 from lanekeep_env.physics.parameters import VEHICLES
@@ -81,3 +84,40 @@ def test_vehicle(tmp_path, capsys):
     path.write_text("base: passat\nyaw_inertia: 3.2\n")
     assert any("yaw inertia" in note for note in told(capsys, "vehicle", "check", str(path))["notes"])
     assert run(["vehicle", "check", "pasat"]) == 2 and "did you mean 'passat'" in capsys.readouterr().err
+
+
+def test_vehicle_in_steady_bends(tmp_path, capsys):
+    """The honest bends against a two-track car that has been turned for long enough, the linear ones in closed form."""
+    car, speed = VEHICLES["passat"], 25.0
+    bends = bends_of(car, speed)
+    for reached in (3.0, 6.0, 8.0):
+        steer = float(np.interp(reached, bends.honest.across, bends.honest.steer))
+        sideslip, _, across = TwoTrack(car, 1.0).drive(
+            speed, lambda t, a=steer: a * min(t, 1.0), np.arange(0.0, 8.1, 0.5)
+        )
+        assert reached == pytest.approx(across[-1], rel=0.01)
+        assert float(np.interp(reached, bends.honest.across, bends.honest.sideslip)) == pytest.approx(
+            sideslip[-1], rel=0.03
+        )
+    expected = bends.linear.steer * speed**2 / (car.wheelbase + understeer_gradient(car) * speed**2)
+    few = bends.linear.steer < 0.02  # beyond, the path's tangent is not the angle
+    np.testing.assert_allclose(bends.linear.across[few], expected[few], rtol=2e-3)
+    picture = tmp_path / "bends.png"
+    found = told(capsys, "vehicle", "check", "passat", "--speed", "25", "--out", str(picture))
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    names = [name for name in found if "single track" in name]
+    assert len(names) == 4 and [found[name] for name in names] == sorted(found[name] for name in names)
+    tail = tmp_path / "tail.yaml"
+    tail.write_text("base: passat\nfront_cornering_stiffness: 120 kN/rad\nrear_cornering_stiffness: 80 kN/rad\n")
+    assert run(["vehicle", "check", str(tail), "--speed", "60"]) == 2
+    assert "no steady bend" in capsys.readouterr().err
+
+
+def test_the_page_of_the_single_track_s_error_is_what_the_command_says():
+    page = (Path(__file__).parents[2] / "docs" / "single-track-error.md").read_text("utf-8")
+    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| `")]
+    assert {row[0].strip("`") for row in rows} == {*VEHICLES} - {"knightriders", "pses"}
+    for name, speed, *errors, largest in rows:
+        bends = bends_of(VEHICLES[name.strip("`")])
+        told = [f"{100.0 * error:.1f}" for _, error in bends.errors()]
+        assert (speed, errors, largest) == (f"{bends.speed:.1f}", told, f"{bends.honest.across.max():.2f}")

@@ -55,7 +55,13 @@ KERNELS = [
 ]
 MODELS = [model for model in vars(models).values() if isinstance(model, models.CarModel)]
 KERNELS += [made for model in MODELS if model.pace != DRIVEN for made in step_kernels(model, ON_ROADS, 1)]
-KERNELS += [made for family in (DRIVING, AMONG_TRAFFIC) for made in step_kernels(models.POWERED, family, 2)]
+KERNELS += [
+    made
+    for model in MODELS
+    if model.pace == DRIVEN
+    for family in (DRIVING, AMONG_TRAFFIC)
+    for made in step_kernels(model, family, 2)
+]
 KERNELS += [
     made for model in MODELS if model.pace == PACED for n in (1, 2) for made in step_kernels(model, BETWEEN_WALLS, n)
 ]
@@ -239,12 +245,12 @@ EDITS = {
 HASHED = {Path(module.__file__).relative_to(PACKAGE).as_posix() for module in MODULES} | {
     f"layout/{part}.py" for part in ("cars", "outcome", "settings", "tables")
 }
-#: The kernels that an edit changes: an episode starts with a load on the axles; two have saturating tyres.
+#: The kernels that an edit changes: an episode starts with a load on the axles; some have saturating tyres.
 CHANGED = {
     "comments, docstrings, formatting": lambda name: False,
     "what no kernel reads": lambda name: False,
     "gravity": lambda name: "env.walls." not in name and "env.traffic." not in name,
-    "a tyre": lambda name: "magic_formula" in name or "powered" in name,
+    "a tyre": lambda name: "magic_formula" in name or "powered" in name or "load_sensitive" in name,
 }
 
 

@@ -78,7 +78,7 @@ def test_steady_circles_of_cars_between_walls(vehicle):
         np.testing.assert_allclose(observation[:, names.index("yaw_rate")], wanted, rtol=0.01)
 
 
-@pytest.mark.parametrize("tyre", ["linear", "magic_formula"])
+@pytest.mark.parametrize("tyre", ["linear", "magic_formula", "load_sensitive"])
 @pytest.mark.parametrize("vehicle", CARS)
 def test_no_car_of_the_stress_set_leaves_the_region_of_stability(vehicle, tyre):
     """A slow car's tyres give no more than the steered angle asks for: C delta/m, and as much again while it swings."""

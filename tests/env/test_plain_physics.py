@@ -13,6 +13,7 @@ import pytest
 from lanekeep_env import layout as at
 from lanekeep_env.physics import VEHICLES, models
 from lanekeep_env.physics.integrate import DRIVEN, HELD, LARGEST_SIDESLIP, LARGEST_YAW_RATE, PACED, held_pull
+from lanekeep_env.physics.load_transfer import read
 from lanekeep_env.physics.numeric import clip, larger, smaller, sqrt, wrapped
 from lanekeep_env.physics.steering import advance_gear, advance_steering
 
@@ -114,7 +115,7 @@ def pulled(model, car, numbers, steer):
         pull = held_pull(car[at.SPEED], car[at.YAW_RATE], *profile, None, numbers)
     else:
         pull = 0.5 * car[at.SPEED_SQUARED_SLOPE]
-    numbers = model.tyres(numbers, car[at.FRONT_GRIP], pull, car[at.ACCELERATION], SETTINGS.tolist())
+    numbers = model.tyres(numbers, car[at.FRONT_GRIP], pull, car[at.ACCELERATION], read(SETTINGS.tolist()))
     return numbers, pull - model.drag(car[at.SIDESLIP], car[at.YAW_RATE], steer, car[at.SPEED], numbers)
 
 

@@ -39,10 +39,11 @@ IDS = sorted(lanekeep_env.ENVIRONMENTS)
 ON_A_ROAD = {
     "vehicle": ["commonroad-2", {"base": "yin", "mass": 2000.0, "steering": {"lag": 0.05, "delay": 0.07}}],
     "dynamics": ["kinematic"],
-    "tyre": ["magic_formula"],
+    "tyre": ["magic_formula", "load_sensitive"],
+    "cornering_drag": [True],
     "friction": [0.5],
     "road": ["yin", {"kind": "circle", "radius": 150.0}],
-    "speed": [20.0, {"lateral_acceleration": 2.0, "maximum": 30.0}],
+    "speed": [20.0, {"lateral_acceleration": 2.0, "maximum": 30.0, "friction_ellipse": True}],
     "action": ["steering_rate"],
     "max_steering_angle": [0.3],
     "max_steering_rate": [0.2],
@@ -151,7 +152,7 @@ SUPPORTING = {
     "reference_assistance": [0.05],
 }
 BACKING_UP = {
-    **{key: value for key, value in EVASIVE.items() if key not in ("dynamics", "tyre", "friction")},
+    **{key: value for key, value in EVASIVE.items() if key not in ("dynamics", "tyre", "cornering_drag", "friction")},
     **NONE_WITHOUT_SLIP,
     "changes": [{"steering_lag": 2.0, "time": 0.5}],
     "road": [{"kind": "parking", "count": 3, "smallest_radius": 6.0}, {"kind": "circle", "radius": -8.0}],
@@ -163,8 +164,8 @@ BACKING_UP = {
 }
 DRIVING = {
     **EVASIVE,
-    "dynamics": [],  # nothing else is allowed
-    "tyre": [],
+    **{key: [] for key in ("dynamics", "cornering_drag")},  # nothing else is allowed
+    "tyre": ["load_sensitive"],
     "speed": [18.0, {"lateral_acceleration": 2.0, "maximum": 25.0}],
     "reference_steering_rate": [0.3],
     "road": ["yin", {"kind": "circle", "radius": 150.0}],
@@ -246,6 +247,7 @@ BESIDE = {
     "friction": {"tyre": "magic_formula"},
     "patches": {"tyre": "magic_formula"},
     "gust_time": {"gusts": 2.0},
+    "cornering_drag": {"tyre": "magic_formula"},
     "max_steering_rate": {"action": "steering_rate"},
     "preview_interval": {"preview": 4},
 }

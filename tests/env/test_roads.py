@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 from scipy.special import fresnel
 
 from lanekeep_env.roads import (
@@ -104,6 +104,45 @@ def test_limited_speed_keeps_every_limit_everywhere(seed, closed, lateral, gain,
     here = squared[:-1] + share * np.diff(squared)
     curvature = road.curvature_start + share * (road.curvature_end - road.curvature_start)
     assert (here * np.abs(curvature)).max() <= lateral * (1 + 1e-9)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    closed=st.booleans(),
+    lateral=st.floats(0.5, 9.0),
+    gain=st.floats(0.2, 5.0),
+    brake=st.floats(0.2, 8.0),
+)
+def test_a_profile_within_the_friction_ellipse_keeps_within_it_everywhere(seed, closed, lateral, gain, brake):
+    profile = LimitedSpeed(lateral, 40.0, acceleration=gain, deceleration=brake, friction_ellipse=True)
+    road, speed = profile.along(random_road(seed, closed))
+    squared = speed**2
+    along = np.diff(squared) / (2 * road.lengths)
+    share = np.linspace(0.0, 1.0, 11)[:, None]
+    here = squared[:-1] + share * np.diff(squared)
+    across = here * (road.curvature_start + share * (road.curvature_end - road.curvature_start))
+    used = (along / np.where(along > 0.0, gain, brake)) ** 2 + (across / lateral) ** 2
+    assert used.max() <= 1.0 + 1e-6
+    if closed:
+        assert speed[0] == pytest.approx(speed[-1], rel=1e-9)
+    _, plain = LimitedSpeed(lateral, 40.0, acceleration=gain, deceleration=brake).along(random_road(seed, closed))
+    assert (speed <= plain * (1.0 + 1e-9)).all()
+    assert profile.lateral_limit == max(lateral, gain, brake)  # what friction must give
+
+
+def test_out_of_a_bend_the_ellipse_is_used_up():
+    """In a clothoid that opens, v v' = gain sqrt(1 - (v² kappa / limit)²): the profile's segments converge to it."""
+    road = Road("clothoid", [100.0, 100.0, 400.0], [0.02, 0.02, 0.0], [0.02, 0.0, 0.0])
+    fine, speed = LimitedSpeed(4.0, 60.0, acceleration=2.0, friction_ellipse=True).along(road.refined(0.5))
+
+    def rate(s, squared):
+        across = squared * float(road.curvature(s)) / 4.0
+        return 4.0 * np.sqrt(np.maximum(1.0 - across**2, 0.0))
+
+    exact = solve_ivp(rate, (100.0, 400.0), [200.0], t_eval=[150.0, 200.0, 300.0], rtol=1e-9, max_step=0.5).y[0]
+    found = np.interp([150.0, 200.0, 300.0], fine.stations, speed**2)
+    np.testing.assert_allclose(found, exact, rtol=0.01)
 
 
 def test_speed_is_as_fast_as_the_limits_allow():

@@ -34,7 +34,7 @@ NASTY = (math.nan, math.inf, 1e300, 1e-300, None, "1.0", True, 10**400)
 WORDS: dict[str, list[Any]] = {
     "vehicle": [*lanekeep_env.VEHICLES],
     "dynamics": ["dynamic", "kinematic"],
-    "tyre": ["linear", "magic_formula"],
+    "tyre": ["linear", "magic_formula", "load_sensitive"],
     "action": ["steering_angle", "steering_rate"],
     "departure": ["terminate", "cost", "off"],
     "contact": ["terminate", "cost", "off"],

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from lanekeep_benchmarks.check import Report, check_map, check_road, check_vehicle, draw_map, draw_road
+from lanekeep_benchmarks.check.bends import bends_of, draw_bends
 from lanekeep_benchmarks.check.report import shown_number
 from lanekeep_benchmarks.console import console
 from lanekeep_benchmarks.endings import check_picture, input_errors, interruptible
@@ -84,15 +85,29 @@ def map_check(
 
 @vehicle.command("check")
 def vehicle_check(
-    file: Annotated[str, typer.Argument(help="YAML or JSON file, or the name of a car.")], as_json: Json = False
+    file: Annotated[str, typer.Argument(help="YAML or JSON file, or the name of a car.")],
+    speed: Annotated[
+        float | None, typer.Option(help="Of steady bends, m/s; default: 25 for 2.8 m of wheelbase.")
+    ] = None,
+    friction: Annotated[float, typer.Option(help="Of the road.")] = 1.0,
+    out: Out = None,
+    overwrite: Overwrite = False,
+    as_json: Json = False,
 ) -> None:
     """Say how a car steers and oscillates, how tightly it turns, and what does not go together in its numbers.
 
-    Example: lanekeep vehicle check my_car.yaml
+    With --speed or --out it says by how much a single track without load transfer corners too fast.
+
+    Example: lanekeep vehicle check my_car.yaml --out my_car.png
     """
     with interruptible(""), input_errors():
-        report = check_vehicle(vehicle_from(file))
-    _print(report, None, as_json)
+        check_picture(out, overwrite)
+        car = vehicle_from(file)
+        bends = None if out is None and speed is None else bends_of(car, speed, friction)
+        report = check_vehicle(car, bends)
+        if out is not None and bends is not None:
+            write_atomic(out, draw_bends(bends))
+    _print(report, out, as_json)
 
 
 def _print(report: Report, out: Path | None, as_json: bool) -> None:

@@ -7,6 +7,7 @@ import warnings
 
 import numpy as np
 
+from lanekeep_benchmarks.check.bends import Bends
 from lanekeep_benchmarks.check.report import Report
 from lanekeep_env.physics.parameters import VehicleParameters
 from lanekeep_env.scenario.integration import oddities
@@ -37,8 +38,8 @@ def understeer_gradient(car: VehicleParameters) -> float:
     return car.mass / car.wheelbase * (rear / car.front_cornering_stiffness - front / car.rear_cornering_stiffness)
 
 
-def check_vehicle(car: VehicleParameters) -> Report:
-    """Say how a car behaves, and what is odd about its numbers."""
+def check_vehicle(car: VehicleParameters, bends: Bends | None = None) -> Report:
+    """Say how a car behaves, in ``bends`` as well, and what is odd about its numbers."""
     report = Report(f"vehicle {car.name}")
     report.add("mass", car.mass, "kg")
     report.add("wheelbase", car.wheelbase, "m")
@@ -53,6 +54,10 @@ def check_vehicle(car: VehicleParameters) -> Report:
     for speed in SPEEDS:
         pair = sorted(eigenvalues(car, speed), key=lambda value: value.imag)
         report.add(f"eigenvalues at {speed:g} m/s", ", ".join(_complex(value) for value in pair), "1/s")
+    if bends is not None:
+        for reached, error in bends.errors():
+            report.add(f"single track too fast in bends, {reached:g} m/s² at {bends.speed:.3g} m/s", 100.0 * error, "%")
+        report.add("largest lateral acceleration with load transfer", float(bends.honest.across.max()), "m/s²")
     angle = car.steering.angle_limit
     if angle is None:
         report.notes.append("steering has no angle limit: no turning circle")
