@@ -468,3 +468,11 @@ def test_the_profile_asks_no_more_than_the_most_slippery_place_gives():
         env.reset(seed=0)
         speeds.append(env.step(np.zeros(1, np.float32))[4]["speed"])
     np.testing.assert_allclose(speeds, math.sqrt(0.8 * 0.5 * GRAVITY * 200.0), rtol=1e-6)
+
+
+def test_in_highway_env_s_worlds_nothing_disturbs_a_car():
+    pytest.importorskip("highway_env")
+    from lanekeep_env.adapters.highway.plant import FreeScenario
+
+    with pytest.raises(ValueError, match="gain 1 and offset 0"):
+        FreeScenario(road="straight", speed=20.0, vehicle={"base": "yin", "steering": {"offset": 0.01}})
