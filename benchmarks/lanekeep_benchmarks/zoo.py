@@ -22,7 +22,11 @@ from lanekeep_benchmarks.console import console
 from lanekeep_benchmarks.endings import input_errors, interruptible
 from lanekeep_benchmarks.policies import FILE, ZOO
 from lanekeep_benchmarks.summary import rows_of
+from lanekeep_env.adapters import ADAPTED, full_ids, scenario_class
 from lanekeep_env.checks import require
+
+#: Episodes of a task of another simulator, at the most.
+FEW = 4
 
 HEADINGS = (
     "learned policy",
@@ -54,7 +58,8 @@ class Entry:
         """As the table shows it: means over seeds, and the range of the returns."""
         record = self.records[0]
         keywords = _keywords(record)
-        differs = [keywords[name] for name in ("randomisation", "sensors", "tyre") if name in keywords]
+        told = ("randomisation", "sensors", "tyre", "env", "observation")
+        differs = [keywords[name] for name in told if keywords.get(name)]
         where = ", ".join([record.env_id.rpartition("/")[2], *differs])
         returns = [score.mean_return for score in self.scores]
         spread = f" ({min(returns):.2f} to {max(returns):.2f})" if len(returns) > 1 else ""
@@ -86,7 +91,26 @@ def _rest(score: Score) -> tuple[str, str]:
 
 def _keywords(record: PolicyRecord) -> dict[str, Any]:
     """Of ``gym.make``, for the scenario trained on."""
-    return dict(record.training.hyperparameters.get("env", {}))
+    return dict(record.training.hyperparameters.get("env", record.scenario))
+
+
+def _makes(record: PolicyRecord) -> bool:
+    """Tell whether the simulator of a policy's task is installed."""
+    try:
+        return record.env_id not in ADAPTED or bool(scenario_class(record.env_id))
+    except ModuleNotFoundError:
+        return False
+
+
+def held_out_of(record: PolicyRecord, episodes: int, seed: int) -> HeldOut:
+    """Return episodes of what a policy was trained on; those of another simulator take long: `FEW` at the most."""
+    if record.env_id in ADAPTED:
+        return HeldOut(_full_id(record), _keywords(record), min(episodes, FEW), seed)
+    return HeldOut(record.env_id, {"dtype": "float32", **_keywords(record)}, episodes, seed)
+
+
+def _full_id(record: PolicyRecord) -> str:
+    return next((one for one in full_ids() if one.endswith(f":{record.env_id}")), record.env_id)
 
 
 def entries(episodes: int) -> Iterator[Entry]:
@@ -94,15 +118,14 @@ def entries(episodes: int) -> Iterator[Entry]:
 
     They are of the scenario that the policy was trained on, with starts that no training saw.
     """
-    groups = rows_of(lanekeep_agents.names())
+    groups = rows_of([name for name in lanekeep_agents.names() if _makes(read_record(ZOO / (name + FILE)))])
     classical: dict[str, tuple[str, Score]] = {}
     for label, names in groups.items():
         records = tuple(read_record(ZOO / (name + FILE)) for name in names)
         first = records[0]
-        keywords = {"dtype": "float32", **_keywords(first)}
         digest = hashlib.sha256(f"zoo {first.env_id}".encode()).digest()
-        held_out = HeldOut(first.env_id, keywords, episodes, int.from_bytes(digest[:8], "big") >> 33)
-        scenario = gym.make(first.env_id, **keywords).unwrapped.scenario  # type: ignore[attr-defined]
+        held_out = held_out_of(first, episodes, int.from_bytes(digest[:8], "big") >> 33)
+        scenario = gym.make(_full_id(first), **_keywords(first)).unwrapped.scenario  # type: ignore[attr-defined]
         if first.scenario_hash not in classical:
             found = {
                 name: held_out.score(lanekeep_baselines.make(name, scenario))
@@ -123,7 +146,8 @@ def zoo(
 
     Example: lanekeep zoo --episodes 64
 
-    Each policy drives the environment that it was trained on. lanekeep bench learned compares on cars that differ.
+    Each policy drives the environment that it was trained on, another simulator's where that is installed, in 4
+    episodes at the most. lanekeep bench learned compares on cars that differ.
     """
     with interruptible(""), input_errors():
         require("--episodes", episodes, "", at_least=1, at_most=100_000, whole=True)

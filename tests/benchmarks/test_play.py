@@ -17,7 +17,7 @@ def test_a_failed_episode_of_highway_env_is_played_as_the_benchmark_says(tmp_pat
     pytest.importorskip("highway_env")
     monkeypatch.delenv("SDL_VIDEODRIVER", raising=False)  # "dummy" makes their viewer draw nothing
     out, file = tmp_path / "run", tmp_path / "failed.gif"
-    assert cli.run(["bench", "highway", "--policies", "pd", "--episodes", "1", "--out", str(out)]) == 0
+    assert cli.run(["bench", "racetrack", "--policies", "pd", "--episodes", "1", "--out", str(out)]) == 0
     (line,) = (line for line in capsys.readouterr().out.splitlines() if "lanekeep play" in line)
     code, said = run(capsys, *line.partition("lanekeep play ")[2].split(), "--gif", str(file))
     assert code == 0 and "m, and failed; pictures" in said.out

@@ -31,8 +31,9 @@ class LeanPPO(PPO):
         columns = (rollout.observations, rollout.actions, rollout.old_log_prob, advantages, rollout.returns)
         parameters = list(policy.parameters())
         for _ in range(self.n_epochs):
-            for rows in torch.randperm(len(advantages)).split(self.batch_size):
-                loss = self._loss(clip, *(column[rows] for column in columns))
+            order: Any = torch.randperm(len(advantages))
+            for rows in order.split(self.batch_size):
+                loss: Any = self._loss(clip, *(column[rows] for column in columns))
                 policy.optimizer.zero_grad()
                 loss.backward()
                 torch.nn.utils.clip_grad_norm_(parameters, self.max_grad_norm)
