@@ -47,8 +47,9 @@ def read_commonroad(content: bytes, name: str, choice: Choice) -> Drawing:
         ids = _longest(lanelets, name)
         listed = ", ".join(one[:12] for one in ids[:8]) + (" ..." if len(ids) > 8 else "")
         told = f"of {len(lanelets)} lanelets: {listed} (track= takes others)"
-    left, right = ([_bound(lanelets[one], side, name) for one in ids] for side in ("left", "right"))
-    left, right = _divided(*_met(np.concatenate(left), np.concatenate(right), np.cumsum([len(one) for one in left])))
+    bounds = [[_bound(lanelets[one], side, name) for one in ids] for side in ("left", "right")]
+    ends = np.cumsum([len(one) for one in bounds[0]])
+    left, right = _divided(*_met(np.concatenate(bounds[0]), np.concatenate(bounds[1]), ends))
     if len(left) > MOST_POINTS:
         raise ValueError(f"{name} has {len(left)} points; allowed are {MOST_POINTS}")
     half = 0.5 * np.hypot(*(left - right).T)

@@ -40,9 +40,9 @@ def read_opendrive(content: bytes, name: str, choice: Choice) -> Drawing:
     pieces = [_Piece(roads[one], f"{name}: road {shown(one)}") for one, _ in links]
     notes = [told, *dict.fromkeys(note for piece in pieces for note in piece.notes)]
     if lane == 0:
-        roads = [piece.road if on else _reversed(piece.road) for piece, (_, on) in zip(pieces, links, strict=True)]
-        notes += ["the reference line (lane= takes a lane's centre)", *_steps(roads)]
-        return Drawing(road=_joined(name, roads), assumed=tuple(notes))
+        parts = [piece.road if on else _reversed(piece.road) for piece, (_, on) in zip(pieces, links, strict=True)]
+        notes += ["the reference line (lane= takes a lane's centre)", *_steps(parts)]
+        return Drawing(road=_joined(name, parts), assumed=tuple(notes))
     points, widths = [], []
     for piece, (one, onward) in zip(pieces, links, strict=True):
         along = np.linspace(0.0, piece.road.length, max(2, round(piece.road.length / _STEP) + 1))
