@@ -95,7 +95,9 @@ class KernelCache:
         try:
             if result.library.has_dynamic_globals or any(not lifted.can_cache for lifted in result.lifted):
                 return
-            key, path = self._wanted.pop(signature, None) or self._place(signature, result.codegen)
+            key, path = (
+                self._wanted.pop(signature) if signature in self._wanted else self._place(signature, result.codegen)
+            )
             payload = dumps(result._replace(type_annotation="")._reduce())
             if not path.parent.is_dir():
                 path.parent.mkdir(parents=True, exist_ok=True)

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from llvmlite.binding import parse_bitcode
 from numba.core import typed_passes, types, untyped_passes
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, CompileResult, compile_result
+from numba.core.compiler import CompilerBase, CompileResult, Flags, compile_result
 from numba.core.compiler_machinery import PassManager
 from numba.core.typing import Context
 
@@ -83,6 +83,33 @@ class _Typing(Context):
         return self._found[key]
 
 
+class _Known(Flags):
+    """Options on numba's stack, hashed and compared for each candidate of each operation: each set is there once."""
+
+    _all: ClassVar[dict[Flags, Flags]] = {}
+
+    def __init__(self, flags: Flags) -> None:
+        super().__init__(flags)
+        self._hash = super().__hash__()
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or bool(super().__eq__(other))
+
+    def copy(self) -> Flags:
+        return Flags(self)
+
+
+class _Flags(Flags):
+    """Options of a function; numba puts a copy on its stack."""
+
+    def copy(self) -> Flags:
+        known = _Known(self)
+        return _Known._all.setdefault(known, known)
+
+
 class PartCompiler(CompilerBase):
     """Compiles a function for those that call it."""
 
@@ -95,9 +122,14 @@ class PartCompiler(CompilerBase):
 
     def _compile_bytecode(self) -> CompileResult:
         state = self.state
-        state.typingctx = _Typing(state.typingctx)
+        state.typingctx, state.flags = _Typing(state.typingctx), _Flags(state.flags)
+        state.targetctx.refresh = _nothing  # a copy, which numba has just refreshed, and would for each operation
         state.library = _Part(state.targetctx.codegen(), state.func_id.func_qualname)
         return super()._compile_bytecode()
+
+
+def _nothing() -> None:
+    """Do nothing."""
 
 
 def rebuild(target_context: Any, reduced: tuple[Any, ...]) -> CompileResult:
