@@ -96,21 +96,21 @@ def _held_speeds(v, along, squared, slope, target, pull, h, most):
 _SPEEDS = {PROFILE: _profile_speeds, PACED: _paced_speeds, DRIVEN: _driven_speeds, HELD: _held_speeds}
 
 
-# Acceleration along, m/s², that the tyres give.
+# Acceleration along, m/s².
 
 
 @inline
-def _profile_pull(v, r, along, squared, slope, pull, car):
+def _profile_pull(v, slope, pull):
     return like(v, 0.5) * slope
 
 
 @inline
-def _driven_pull(v, r, along, squared, slope, pull, car):
+def _driven_pull(v, slope, pull):
     return pull
 
 
 @inline
-def held_pull(v, r, along, squared, slope, pull, car):
+def held_pull(v, r, along, squared, slope, car):
     """What a driver asks for who follows the profile and knows of no drag, with what the circle leaves beside v r."""
     most = like(v, LARGEST_ALONG) * (car[6] + car[7]) * car[2]
     left = sqrt(larger(most * most - v * v * r * r, like(v, 1e-4) * most * most))
@@ -118,7 +118,7 @@ def held_pull(v, r, along, squared, slope, pull, car):
     return clip(like(v, 0.5) * slope + missing * like(v, 1.0 / HOLDING_TIME), -left, left)
 
 
-_PULLS = {PROFILE: _profile_pull, PACED: _profile_pull, DRIVEN: _driven_pull, HELD: held_pull}
+_PULLS = {PROFILE: _profile_pull, PACED: _profile_pull, DRIVEN: _driven_pull, HELD: _driven_pull}
 
 
 # A car's numbers as its model takes them, with the rows of what pushes it from outside or without.
@@ -194,6 +194,36 @@ def runge_kutta(rates: Callable[..., Any], name: str) -> Callable[..., Any]:
     return step
 
 
+def holder(tyres: Callable[..., Any], drag: Callable[..., Any], name: str, pushed: bool = False) -> Callable[..., Any]:
+    """Return the compiled loop that writes the acceleration (PULL) of cars whose speed a driver holds, less the drag.
+
+    A loop of its own: one that writes as much as both together is no SIMD code.
+    """
+    numbers_of, by_tyres = (_with_push, _less_the_push) if pushed else (_alone, _all_of_it)
+
+    @helper
+    @named(name)
+    def hold(block, command_row, settings, floor):
+        along_, v_, beta_, r_ = block[at.ALONG], block[at.SPEED], block[at.SIDESLIP], block[at.YAW_RATE]
+        steer_, command_ = block[at.STEER], block[command_row]
+        squared_, gain_ = block[at.SPEED_SQUARED], block[at.SPEED_SQUARED_SLOPE]
+        front_, rear_ = block[at.CG_TO_FRONT], block[at.CG_TO_REAR]
+        mass_, inertia_ = block[at.INVERSE_MASS], block[at.INVERSE_INERTIA]
+        stiff_f_, stiff_r_ = block[at.FRONT_STIFFNESS], block[at.REAR_STIFFNESS]
+        peak_f_, peak_r_ = block[at.FRONT_PEAK], block[at.REAR_PEAK]
+        pull_, across_, outside = block[at.PULL], block[at.ACCELERATION], _push_rows(block)
+        ideal, numbers = settings[at.IDEAL_STEERING] > like(settings[0], 0.0), read(settings)
+        for i in range(block.shape[1]):
+            car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
+            x, steer = _not_negative(along_[i]), command_[i] if ideal else steer_[i]
+            pull = held_pull(v_[i], r_[i], x, squared_[i], gain_[i], car)
+            across = by_tyres(across_[i], v_[i], beta_[i], floor, numbers_of(car, outside, i))
+            car_now = tyres(car, peak_f_[i], pull, across, numbers)
+            pull_[i] = pull - drag(beta_[i], r_[i], steer, v_[i], car_now)
+
+    return hold
+
+
 def integrator(
     rates: Callable[..., Any],
     pace: int,
@@ -212,7 +242,8 @@ def integrator(
     """
     numbers_of, by_tyres = (_with_push, _less_the_push) if pushed else (_alone, _all_of_it)
     step, speeds_of, pull_of, keeps = runge_kutta(rates, name), _SPEEDS[pace], _PULLS[pace], pace != PROFILE
-    remembers = tyres is not unchanged
+    remembers, holds, hold = tyres is not unchanged, pace == HELD, holder(tyres, drag, name, pushed)
+    keeps, keeps_later = keeps and not remembers, keeps and remembers
 
     @helper
     @named(name)
@@ -233,17 +264,18 @@ def integrator(
         h, most = settings[at.STEP_TIME], settings[at.SPEED_CHANGE]
         widest, fastest = like(h, LARGEST_SIDESLIP), like(h, LARGEST_YAW_RATE)
         ideal, numbers = settings[at.IDEAL_STEERING] > like(h, 0.0), read(settings)
+        if holds:  # decided when the loop is compiled, as all that follows
+            hold(block, command_row, settings, floor)
         for i in range(block.shape[1]):
             x = _not_negative(along_[i])
             begin, command, response, change = steer_[i], command_[i], response_[i], change_[i]
             begin = command if ideal else begin  # the road wheel follows at once
             car = (front_[i], rear_[i], mass_[i], inertia_[i], stiff_f_[i], stiff_r_[i], peak_f_[i], peak_r_[i], floor)
-            pull = pull_of(v_[i], r_[i], x, squared_[i], gain_[i], pull_[i], car)
+            pull = pull_of(v_[i], gain_[i], pull_[i])
             across = by_tyres(across_[i], v_[i], beta_[i], floor, numbers_of(car, outside, i))
             car_now = tyres(car, grip_[i], pull, across, numbers)
-            pull -= drag(beta_[i], r_[i], begin, v_[i], car_now)
             speeds = speeds_of(v_[i], x, squared_[i], gain_[i], target_[i], pull, h, most)
-            if keeps:  # decided when the loop is compiled, as whether there is a gear
+            if keeps:
                 v_[i] = speeds[2]
             if gear is None:
                 middle = advance_steering(begin, command, response, change)
@@ -263,6 +295,9 @@ def integrator(
             beta_[i] = wrapped(beta) if saturates else clip(beta, -widest, widest)
             r_[i] = clip(r, -fastest, fastest)
             steer_[i] = end
+        if keeps_later:  # a loop that writes both is no SIMD code
+            for i in range(block.shape[1]):
+                v_[i] = speeds_of(v_[i], v_[i], squared_[i], gain_[i], target_[i], pull_[i], h, most)[2]
 
     return advance
 
@@ -298,7 +333,7 @@ def shower(
             theta_[i] = wrapped(theta_[i])
             beta = clip(beta_[i], -like(v, LARGEST_SIDESLIP), like(v, LARGEST_SIDESLIP))
             r = clip(r_[i], -like(v, LARGEST_YAW_RATE), like(v, LARGEST_YAW_RATE))
-            pull = pull_of(v, r, _not_negative(along_[i]), speed_[i], gain_[i], pull_[i], car)
+            pull = pull_of(v, gain_[i], pull_[i])
             across = by_tyres(acceleration_[i], v, beta, floor, numbers_of(car, outside, i))
             car_now = numbers_of(tyres(car, grip_[i], pull, across, numbers), outside, i)
             beta_[i], r_[i], acceleration_[i] = outputs(beta, r, steer_[i], v, car_now)

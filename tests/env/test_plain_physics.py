@@ -112,11 +112,12 @@ def pulled(model, car, numbers, steer):
     elif model.pace == HELD:
         along = larger(car[at.ALONG], 0.0)
         profile = along, car[at.SPEED_SQUARED], car[at.SPEED_SQUARED_SLOPE]
-        pull = held_pull(car[at.SPEED], car[at.YAW_RATE], *profile, None, numbers)
+        pull = held_pull(car[at.SPEED], car[at.YAW_RATE], *profile, numbers)
+        braked = model.tyres(numbers, None, pull, car[at.ACCELERATION], read(SETTINGS.tolist()))
+        pull = pull - model.drag(car[at.SIDESLIP], car[at.YAW_RATE], steer, car[at.SPEED], braked)
     else:
         pull = 0.5 * car[at.SPEED_SQUARED_SLOPE]
-    numbers = model.tyres(numbers, car[at.FRONT_GRIP], pull, car[at.ACCELERATION], read(SETTINGS.tolist()))
-    return numbers, pull - model.drag(car[at.SIDESLIP], car[at.YAW_RATE], steer, car[at.SPEED], numbers)
+    return model.tyres(numbers, car[at.FRONT_GRIP], pull, car[at.ACCELERATION], read(SETTINGS.tolist())), pull
 
 
 def speeds(car, pace, pull):
