@@ -93,7 +93,7 @@ def test_points_without_order_are_refused_at_once(tmp_path, closed, count, size)
 
 @pytest.mark.parametrize("smoothing", [-3.0, math.nan, 1e9])
 def test_smoothing_out_of_bounds_is_named(tmp_path, smoothing):
-    with pytest.raises(ValueError, match="smoothing=.* is not allowed"):
+    with pytest.raises(ValueError, match=r"smoothing=.* is not allowed"):
         read_road(write(tmp_path / "road.csv", np.c_[np.arange(0.0, 100.0, 5.0), np.zeros(20)]), smoothing=smoothing)
 
 
