@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lanekeep_env.checks import require
 from lanekeep_env.files import read_bounded
 from lanekeep_env.roads.fit import fit_centre_line
 from lanekeep_env.roads.readers import Choice, Drawing, read_drawing
@@ -69,6 +70,7 @@ def make_road(
 ) -> Road:
     """Make the road of a file's content; ``path`` names it (see `read_road`)."""
     name = f"road file {str(path)!r}"
+    require("smoothing", smoothing, "m", at_least=0.0, at_most=100.0, optional=True)
     drawing = read_drawing(path, content, choice, name)
     return road_of(drawing, Path(path).stem, name, closed, smoothing)
 

@@ -1,5 +1,6 @@
 """Roads within bounds: every absurd number is told in one line, and nothing takes long first."""
 
+import math
 import time
 
 import numpy as np
@@ -88,6 +89,12 @@ def test_points_without_order_are_refused_at_once(tmp_path, closed, count, size)
     with pytest.raises(ValueError, match="turns by"):
         read_road(path, closed)
     assert time.process_time() - begin < 5.0
+
+
+@pytest.mark.parametrize("smoothing", [-3.0, math.nan, 1e9])
+def test_smoothing_out_of_bounds_is_named(tmp_path, smoothing):
+    with pytest.raises(ValueError, match=r"smoothing=.* is not allowed"):
+        read_road(write(tmp_path / "road.csv", np.c_[np.arange(0.0, 100.0, 5.0), np.zeros(20)]), smoothing=smoothing)
 
 
 def test_a_file_that_changes_or_vanishes_is_refused(tmp_path):
