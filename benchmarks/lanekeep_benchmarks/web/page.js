@@ -156,13 +156,13 @@ function episodes() {
   for (const { scenario } of current()) for (const [policy, of] of Object.entries(data.lines[scenario])) {
     if (!wanted(policy)) continue;
     const key = state.metric === "failure_rate" ? Object.keys(of.metrics)[0] : state.metric, sign = data.metrics[key].more ? 1 : -1;
-    of.episode.forEach((episode, i) => rows.push({ scenario, policy, episode, key, failed: of.failed[i], steps: of.steps[i], value: of.metrics[key][i], bad: sign * of.metrics[key][i] }));
+    const drives = data.drives[scenario].of[policy] || {};
+    of.episode.forEach((episode, i) => rows.push({ scenario, policy, episode, key, failed: of.failed[i], there: episode in drives, steps: of.steps[i], value: of.metrics[key][i], bad: sign * of.metrics[key][i] }));
   }
-  rows.sort((a, b) => b.failed - a.failed || a.bad - b.bad);
+  rows.sort((a, b) => b.failed - a.failed || b.failed * (b.there - a.there) || a.bad - b.bad);
   const body = make("tbody");
   for (const row of rows.slice(0, MOST_ROWS)) {
-    const line = make("tr"), there = data.drives[row.scenario].of[row.policy]?.[row.episode];
-    const button = make("button", there ? "Show" : "How to", { type: "button", ariaLabel: `Show ${row.scenario}, ${row.policy}, episode ${row.episode}` });
+    const line = make("tr"), button = make("button", row.there ? "Show" : "How to", { type: "button", ariaLabel: `Show ${row.scenario}, ${row.policy}, episode ${row.episode}` });
     button.addEventListener("click", () => show(row, true));
     const cell = make("td");
     cell.append(button);
@@ -172,7 +172,7 @@ function episodes() {
   }
   $("episodes").replaceChildren(heading(["policy", "course", "", state.metric === "failure_rate" ? "first metric" : labelled(state.metric), "episode", "steps", "scenario"], $("episodes")), body);
   const failed = rows.filter(row => row.failed).length;
-  $("count").textContent = `${failed} of ${rows.length} episodes failed; they come first, then the worst of the others.` + (rows.length > MOST_ROWS ? ` The first ${MOST_ROWS} are listed: choose a scenario or policies to see others.` : "");
+  $("count").textContent = `${failed} of ${rows.length} episodes failed${failed ? "; they come first, those with a course to show before the others" : ""}. The others: the worst first.` + (rows.length > MOST_ROWS ? ` The first ${MOST_ROWS} are listed: choose a scenario or policies to see others.` : "");
 }
 
 function checks(field, names, chosen, onChange, swatch) {
