@@ -110,7 +110,11 @@ function layout(more) {
     xaxis: { ...axis, ...xaxis }, yaxis: { ...axis, ...yaxis }, ...rest,
   };
 }
-const CONFIG = { responsive: true, displaylogo: false, displayModeBar: false };
+// The height is the element's, too: a plot that follows the window's width asks for it.
+function plot(id, traces, { height, ...rest }) {
+  $(id).style.height = `${height}px`;
+  return Plotly.react($(id), traces, { ...rest, autosize: true }, { responsive: true, displaylogo: false, displayModeBar: false });
+}
 
 function means() {
   const here = current(), key = state.metric, k = scale(key);
@@ -128,10 +132,10 @@ function means() {
     return { name: plain(name), mode: "markers", type: "scatter", marker: { color: colour(name), size: 9, symbol: ["circle", "diamond-open", "x"][round(name)] }, x: value, y: where, error_x: error, showlegend: !single };
   });
   const count = here.length === 1 ? names.length : here.length;
-  Plotly.react($("means"), traces, layout({
+  plot("means", traces, layout({
     height: 110 + 26 * count + (here.length > 1 ? 20 * names.length : 0), title: { text: plain(labelled(key)), font: { size: 14 } },
     yaxis: { type: "category", autorange: "reversed" }, ...(here.length > 1 ? { scattermode: "group" } : {}),
-  }), CONFIG);
+  }));
 }
 
 // Which share of episodes had at most so much; failed ones never.
@@ -145,10 +149,10 @@ function profile() {
     const all = row.reduce((sum, name) => sum + of[name].failed.length, 0);
     return { name: plain(label), mode: "lines", line: { shape: "hv", color: colour(label), dash: dash(label) }, x: [values[0], ...values], y: [0, ...values.map((_, i) => 100 * (i + 1) / all)] };
   });
-  Plotly.react($("profile"), traces, layout({
+  plot("profile", traces, layout({
     height: 380 + 12 * traces.length, title: { text: "Performance profile", font: { size: 14 } }, xaxis: { title: { text: plain(labelled(key)) }, autorange: sign < 0 ? "reversed" : true },
     yaxis: { title: { text: `episodes with at ${sign < 0 ? "least" : "most"} so much [%]` }, range: [0, 102] },
-  }), CONFIG);
+  }));
 }
 
 function episodes() {
@@ -244,7 +248,7 @@ function draw() {
     const cars = { x: [], y: [], mode: "markers", hoverinfo: "skip", showlegend: false, marker: { size: 12, color: courses.map(one => colour(one.policy)), line: { width: 1.5, color: css.getPropertyValue("--ink").trim() } } };
     drawn.moving = [walls.length + lines.length, walls.length + lines.length + 1];
     drawn.whole = around(courses);
-    Plotly.react($("map"), [...walls, ...lines, lead, cars], layout({ height: Math.min(460, innerWidth), xaxis: { title: { text: "x [m]" }, range: drawn.whole[0] }, yaxis: { title: { text: "y [m]" }, scaleanchor: "x", range: drawn.whole[1] }, uirevision: "map" + JSON.stringify(state.shown) }), CONFIG);
+    plot("map", [...walls, ...lines, lead, cars], layout({ height: Math.min(460, innerWidth), xaxis: { title: { text: "x [m]" }, range: drawn.whole[0] }, yaxis: { title: { text: "y [m]" }, scaleanchor: "x", range: drawn.whole[1] }, uirevision: "map" + JSON.stringify(state.shown) }));
   }
   const keys = Object.keys(drawn.main.signals).filter(key => state.signals.has(key));
   const gap = 0.08, height = keys.length ? (1 - gap * (keys.length - 1)) / keys.length : 1, axes = {};
@@ -254,7 +258,7 @@ function draw() {
     return courses.map(one => ({ x: one.time, y: one.signals[key], yaxis: `y${name}`, name: plain(one.policy), mode: "lines", line: courseLine(one), showlegend: false }));
   });
   $("traces").hidden = !keys.length;
-  if (keys.length) Plotly.react($("traces"), traces, { ...layout({ height: 60 + 150 * keys.length, xaxis: { title: { text: "time [s]" }, anchor: `y${keys.length > 1 ? keys.length : ""}` } }), ...axes }, CONFIG);
+  if (keys.length) plot("traces", traces, { ...layout({ height: 60 + 150 * keys.length, xaxis: { title: { text: "time [s]" }, anchor: `y${keys.length > 1 ? keys.length : ""}` } }), ...axes });
   moment();
 }
 
