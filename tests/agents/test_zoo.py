@@ -1,4 +1,4 @@
-"""What is shipped: policies, each with its command, and the README tells the truth about them."""
+"""What is shipped: policies, each with its command, and their page tells the truth about them."""
 
 from __future__ import annotations
 
@@ -100,8 +100,8 @@ def test_files_are_small_plain_and_come_in_pairs():
         json.loads((ZOO / f"{name}.json").read_text())
 
 
-def test_the_readme_lists_them_all():
-    text = (ROOT / "README.md").read_text()
+def test_the_page_of_learned_policies_lists_them_all():
+    text = (ROOT / "docs" / "learned-policies.md").read_text()
     listed = set(re.findall(r"^\| ((?:\S*?ppo|distilled)-\S+(?: \(\d seeds\))?) \|", text, re.MULTILINE))
     assert listed == set(rows_of(NAMES))
 

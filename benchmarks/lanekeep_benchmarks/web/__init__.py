@@ -23,7 +23,7 @@ def page(title: str, data: Mapping[str, Any]) -> str:
     browser runs the two scripts whose hashes the page's policy names, and fetches nothing.
     """
     library, script, style, frame = map(_text, (LIBRARY, "page.js", "page.css", "page.html"))
-    packed = gzip.compress(json.dumps(data, allow_nan=False, separators=(",", ":")).encode(), mtime=0)
+    packed = gzip.compress(json.dumps(data, allow_nan=False, separators=(",", ":")).encode(), 6, mtime=0)
     hashes = " ".join(f"'sha256-{_digest(one)}'" for one in (library, script))
     parts = {
         "title": html.escape(title),

@@ -15,8 +15,8 @@ from lanekeep_benchmarks.traces import is_beam
 from lanekeep_env import layout as at
 from lanekeep_env.traffic.follow import LENGTH
 
-#: Failed episodes of a policy that are shown, and of all others that the reference drives beside them.
-FAILURES, MOST_BESIDE = 5, 40
+#: Failed episodes of a policy that are shown, and episodes of others that the reference drives beside them.
+FAILURES, MOST_BESIDE = 5, 100
 QUANTILES = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 Floats = NDArray[np.float64]
@@ -25,13 +25,14 @@ Floats = NDArray[np.float64]
 def chosen(lines: Mapping[str, Sequence[EpisodeResult]], more_is_better: bool) -> dict[str, list[int]]:
     """Numbers of the episodes that are shown of each policy of a scenario.
 
-    The first that failed, and those at five quantiles of the first metric, failures the worst; everyone those of the
-    reference, the first policy, and the reference the failures of the others, so that courses can be compared.
+    The first that failed, and those at five quantiles of the first metric, failures the worst; everyone those quantiles
+    of the reference, the first policy, and the reference what the others show, so that courses can be compared.
     """
     failed = {name: [line.episode for line in of if line.failed][:FAILURES] for name, of in lines.items()}
     middle = {name: _quantiles(of, more_is_better) for name, of in lines.items()}
     reference = next(iter(lines))
-    beside = sorted({episode for of in failed.values() for episode in of})[:MOST_BESIDE]
+    others = [episode for shown in (failed, middle) for of in shown.values() for episode in of]
+    beside = list(dict.fromkeys(others))[:MOST_BESIDE]
     return {
         name: sorted({*failed[name], *middle[name], *middle[reference], *(beside if name == reference else ())})
         for name in lines
@@ -59,7 +60,7 @@ def recorded(scenario: SuiteScenario, policy: Policy, seeds: Sequence[int]) -> l
     names = [channel.name for channel in env.unwrapped.scenario.channels]
     shown = [(place, name) for place, name in enumerate(names) if not is_beam(name)]
     columns: dict[str, list[Floats]] = {}
-    alive = []
+    alive: list[NDArray[np.bool_]] = []
     ground = np.zeros(len(seeds), dtype=int)
     for step in drive(env, policy, seeds, scenario.options):
         if not alive and hasattr(env.unwrapped, "get_state"):

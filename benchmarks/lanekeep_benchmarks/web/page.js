@@ -110,7 +110,11 @@ function layout(more) {
     xaxis: { ...axis, ...xaxis }, yaxis: { ...axis, ...yaxis }, ...rest,
   };
 }
-const CONFIG = { responsive: true, displaylogo: false, displayModeBar: false };
+// The height is the element's, too: a plot that follows the window's width asks for it.
+function plot(id, traces, { height, ...rest }) {
+  $(id).style.height = `${height}px`;
+  return Plotly.react($(id), traces, { ...rest, autosize: true }, { responsive: true, displaylogo: false, displayModeBar: false });
+}
 
 function means() {
   const here = current(), key = state.metric, k = scale(key);
@@ -128,10 +132,10 @@ function means() {
     return { name: plain(name), mode: "markers", type: "scatter", marker: { color: colour(name), size: 9, symbol: ["circle", "diamond-open", "x"][round(name)] }, x: value, y: where, error_x: error, showlegend: !single };
   });
   const count = here.length === 1 ? names.length : here.length;
-  Plotly.react($("means"), traces, layout({
+  plot("means", traces, layout({
     height: 110 + 26 * count + (here.length > 1 ? 20 * names.length : 0), title: { text: plain(labelled(key)), font: { size: 14 } },
     yaxis: { type: "category", autorange: "reversed" }, ...(here.length > 1 ? { scattermode: "group" } : {}),
-  }), CONFIG);
+  }));
 }
 
 // Which share of episodes had at most so much; failed ones never.
@@ -145,10 +149,10 @@ function profile() {
     const all = row.reduce((sum, name) => sum + of[name].failed.length, 0);
     return { name: plain(label), mode: "lines", line: { shape: "hv", color: colour(label), dash: dash(label) }, x: [values[0], ...values], y: [0, ...values.map((_, i) => 100 * (i + 1) / all)] };
   });
-  Plotly.react($("profile"), traces, layout({
+  plot("profile", traces, layout({
     height: 380 + 12 * traces.length, title: { text: "Performance profile", font: { size: 14 } }, xaxis: { title: { text: plain(labelled(key)) }, autorange: sign < 0 ? "reversed" : true },
     yaxis: { title: { text: `episodes with at ${sign < 0 ? "least" : "most"} so much [%]` }, range: [0, 102] },
-  }), CONFIG);
+  }));
 }
 
 function episodes() {
@@ -156,13 +160,13 @@ function episodes() {
   for (const { scenario } of current()) for (const [policy, of] of Object.entries(data.lines[scenario])) {
     if (!wanted(policy)) continue;
     const key = state.metric === "failure_rate" ? Object.keys(of.metrics)[0] : state.metric, sign = data.metrics[key].more ? 1 : -1;
-    of.episode.forEach((episode, i) => rows.push({ scenario, policy, episode, key, failed: of.failed[i], steps: of.steps[i], value: of.metrics[key][i], bad: sign * of.metrics[key][i] }));
+    const drives = data.drives[scenario].of[policy] || {};
+    of.episode.forEach((episode, i) => rows.push({ scenario, policy, episode, key, failed: of.failed[i], there: episode in drives, steps: of.steps[i], value: of.metrics[key][i], bad: sign * of.metrics[key][i] }));
   }
-  rows.sort((a, b) => b.failed - a.failed || a.bad - b.bad);
+  rows.sort((a, b) => b.failed - a.failed || b.failed * (b.there - a.there) || a.bad - b.bad);
   const body = make("tbody");
   for (const row of rows.slice(0, MOST_ROWS)) {
-    const line = make("tr"), there = data.drives[row.scenario].of[row.policy]?.[row.episode];
-    const button = make("button", there ? "Show" : "How to", { type: "button", ariaLabel: `Show ${row.scenario}, ${row.policy}, episode ${row.episode}` });
+    const line = make("tr"), button = make("button", row.there ? "Show" : "How to", { type: "button", ariaLabel: `Show ${row.scenario}, ${row.policy}, episode ${row.episode}` });
     button.addEventListener("click", () => show(row, true));
     const cell = make("td");
     cell.append(button);
@@ -172,7 +176,7 @@ function episodes() {
   }
   $("episodes").replaceChildren(heading(["policy", "course", "", state.metric === "failure_rate" ? "first metric" : labelled(state.metric), "episode", "steps", "scenario"], $("episodes")), body);
   const failed = rows.filter(row => row.failed).length;
-  $("count").textContent = `${failed} of ${rows.length} episodes failed; they come first, then the worst of the others.` + (rows.length > MOST_ROWS ? ` The first ${MOST_ROWS} are listed: choose a scenario or policies to see others.` : "");
+  $("count").textContent = `${failed} of ${rows.length} episodes failed${failed ? "; they come first, those with a course to show before the others" : ""}. The others: the worst first.` + (rows.length > MOST_ROWS ? ` The first ${MOST_ROWS} are listed: choose a scenario or policies to see others.` : "");
 }
 
 function checks(field, names, chosen, onChange, swatch) {
@@ -244,7 +248,7 @@ function draw() {
     const cars = { x: [], y: [], mode: "markers", hoverinfo: "skip", showlegend: false, marker: { size: 12, color: courses.map(one => colour(one.policy)), line: { width: 1.5, color: css.getPropertyValue("--ink").trim() } } };
     drawn.moving = [walls.length + lines.length, walls.length + lines.length + 1];
     drawn.whole = around(courses);
-    Plotly.react($("map"), [...walls, ...lines, lead, cars], layout({ height: Math.min(460, innerWidth), xaxis: { title: { text: "x [m]" }, range: drawn.whole[0] }, yaxis: { title: { text: "y [m]" }, scaleanchor: "x", range: drawn.whole[1] }, uirevision: "map" + JSON.stringify(state.shown) }), CONFIG);
+    plot("map", [...walls, ...lines, lead, cars], layout({ height: Math.min(460, innerWidth), xaxis: { title: { text: "x [m]" }, range: drawn.whole[0] }, yaxis: { title: { text: "y [m]" }, scaleanchor: "x", range: drawn.whole[1] }, uirevision: "map" + JSON.stringify(state.shown) }));
   }
   const keys = Object.keys(drawn.main.signals).filter(key => state.signals.has(key));
   const gap = 0.08, height = keys.length ? (1 - gap * (keys.length - 1)) / keys.length : 1, axes = {};
@@ -254,7 +258,7 @@ function draw() {
     return courses.map(one => ({ x: one.time, y: one.signals[key], yaxis: `y${name}`, name: plain(one.policy), mode: "lines", line: courseLine(one), showlegend: false }));
   });
   $("traces").hidden = !keys.length;
-  if (keys.length) Plotly.react($("traces"), traces, { ...layout({ height: 60 + 150 * keys.length, xaxis: { title: { text: "time [s]" }, anchor: `y${keys.length > 1 ? keys.length : ""}` } }), ...axes }, CONFIG);
+  if (keys.length) plot("traces", traces, { ...layout({ height: 60 + 150 * keys.length, xaxis: { title: { text: "time [s]" }, anchor: `y${keys.length > 1 ? keys.length : ""}` } }), ...axes });
   moment();
 }
 
