@@ -3,7 +3,8 @@
 ``import lanekeep_env`` registers the ids ``lanekeep/<Task>-v0``.
 """
 
-from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator, VehicleParameters
+from lanekeep_env.physics.parameters import SteeringActuator, VehicleParameters
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.randomisation import RANDOMISATIONS, Randomisation
 from lanekeep_env.registration import ENVIRONMENTS, register_all
 from lanekeep_env.scenario import (

@@ -134,7 +134,7 @@ def metrics() -> list[Metric]:
     found = [definition for file in files for definition in definitions(file)]
     functions = {d.place: d.node for d in found if isinstance(d.node, Function)}
     command = {d.place for d in found if d.file.stem.endswith(COMMANDS)}
-    explained = {d.place for d in found if "parameters, for" in d.comment}
+    long, many = ({d.place for d in found if f"{what}, for" in d.comment} for what in ("lines", "parameters"))
     counts = {place: len(parameters(node)) for place, node in functions.items() if place not in command}
     scalar = {place for place in counts if compiled_scalar(functions[place])}
     environment = {place: node for place, node in functions.items() if place.startswith("lanekeep_env/")}
@@ -143,8 +143,8 @@ def metrics() -> list[Metric]:
     modules = {file.relative_to(HERE).as_posix(): len(file.read_text(encoding="utf-8").splitlines()) for file in files}
     rest = {place: count for place, count in counts.items() if place not in scalar}
     return [
-        largest("longest function, lines", {place: lines(node) for place, node in functions.items()}, 60),
-        largest("most parameters", rest, 8, explained),
+        largest("longest function, lines", {place: lines(node) for place, node in functions.items()}, 60, long),
+        largest("most parameters", rest, 8, many),
         replace(
             largest("most parameters, compiled scalar functions", {place: counts[place] for place in scalar}, 8),
             aim="none",  # positions and rates by name, for which a record would cost time

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lanekeep_agents.policy_record import PolicyRecord
 from lanekeep_env.checks import shown
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.roads.specs import ROADS, RoadFile
 from lanekeep_env.walls.specs import WORLDS, MapFile
 

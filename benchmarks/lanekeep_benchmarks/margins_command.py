@@ -18,7 +18,7 @@ from lanekeep_benchmarks.console import console, progress
 from lanekeep_benchmarks.endings import check_picture, input_errors, interruptible
 from lanekeep_benchmarks.policies import default_policies, entry_of
 from lanekeep_env.files import write_atomic
-from lanekeep_env.physics.parameters import vehicle_from
+from lanekeep_env.physics.vehicles import vehicle_from
 from lanekeep_env.scenario import LaneKeepScenario
 
 #: Samples of the road ahead that every policy is shown; a loop around straight driving does not depend on them.

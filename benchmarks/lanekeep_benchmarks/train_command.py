@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from lanekeep_agents.training.settings import TrainingSettings
 
 
+# Many lines, for half of them declare and describe options.
 def train(
     algorithm: Annotated[str | None, typer.Argument(metavar="ALGO", help="ppo, sac or td3.")] = None,
     env_id: Annotated[str | None, typer.Argument(metavar="ENV", help="A registered id.")] = None,
@@ -57,19 +58,22 @@ def train(
         try:
             from lanekeep_agents.training.folder import policy_name
             from lanekeep_agents.training.run import run
-            from lanekeep_agents.training.settings import changes_from, settings_for
         except ModuleNotFoundError as error:
             raise ImportError(f'{error.name} is missing: pip install "lanekeep[agents]"') from error
+        given = {
+            "seed": seed,
+            "steps": steps,
+            "base": base,
+            "bound": bound,
+            "imitate": imitate,
+            "changes": changes or None,
+        }
         if resume and algorithm is None:
-            settings = _settings_as_they_were(out, (seed, steps, base, bound, imitate, changes or None))
+            settings = _settings_as_they_were(out, given)
         elif algorithm is None or env_id is None:
             raise ValueError("ALGO and ENV are missing, e.g. lanekeep train ppo LaneKeep-v0")
         else:
-            asked: dict[str, Any] = {"base": base, "bound": bound, "imitate": imitate}
-            try:
-                settings = settings_for(algorithm, env_id, seed or 0, steps, **changes_from(changes or ()), **asked)
-            except TypeError as error:
-                raise ValueError(error) from error
+            settings = _settings(algorithm, env_id, given)
         called = None if callback is None else _callback(callback)
         name = policy_name(settings)
         folder = out or Path("results") / f"train-{name}"
@@ -107,13 +111,25 @@ def _callback(text: str) -> Any:
     return made
 
 
-def _settings_as_they_were(out: Path | None, others: tuple[object, ...]) -> TrainingSettings:
-    """Return those of the run in ``out``; ``others`` that are given as well are refused."""
+def _settings(algorithm: str, env_id: str, given: dict[str, Any]) -> TrainingSettings:
+    """Return those of a new run; ``given`` are the options that change them, None for none."""
+    from lanekeep_agents.training.settings import changes_from, settings_for
+
+    asked = {name: given[name] for name in ("base", "bound", "imitate")}
+    changes = changes_from(given["changes"] or ())
+    try:
+        return settings_for(algorithm, env_id, given["seed"] or 0, given["steps"], **changes, **asked)
+    except TypeError as error:
+        raise ValueError(error) from error
+
+
+def _settings_as_they_were(out: Path | None, given: dict[str, Any]) -> TrainingSettings:
+    """Return those of the run in ``out``; options that would change them are refused."""
     from lanekeep_agents.training.folder import settings_in
 
     if out is None:
         raise ValueError("--resume needs --out, the folder of the run")
-    if any(given is not None for given in others):
+    if any(value is not None for value in given.values()):
         raise ValueError("--resume without ALGO and ENV goes on with the run in --out as it is: no other settings")
     return settings_in(out)
 

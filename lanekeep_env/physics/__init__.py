@@ -4,6 +4,7 @@ Everything here is a pure scalar function of floats (no arrays, no randomness, n
 loop over cars becomes SIMD code; `integrate.py` holds that loop.
 """
 
-from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator, VehicleParameters, vehicle_from
+from lanekeep_env.physics.parameters import SteeringActuator, VehicleParameters
+from lanekeep_env.physics.vehicles import VEHICLES, vehicle_from
 
 __all__ = ["VEHICLES", "SteeringActuator", "VehicleParameters", "vehicle_from"]

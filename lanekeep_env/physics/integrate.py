@@ -224,6 +224,7 @@ def holder(tyres: Callable[..., Any], drag: Callable[..., Any], name: str, pushe
     return hold
 
 
+# Many lines, for the loop over a block is one piece of SIMD code, and what it calls per car is elsewhere already.
 def integrator(
     rates: Callable[..., Any],
     pace: int,

@@ -11,7 +11,8 @@ from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require
 from lanekeep_env.physics.integrate import DRIVEN, HELD, LARGEST_SPEED, PROFILE
 from lanekeep_env.physics.models import CarModel
-from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters, vehicle_from
+from lanekeep_env.physics.parameters import VehicleParameters
+from lanekeep_env.physics.vehicles import VEHICLES, vehicle_from
 from lanekeep_env.randomisation import (
     CENTRE_OF_GRAVITY,
     FRICTION,

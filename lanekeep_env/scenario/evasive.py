@@ -10,7 +10,8 @@ from typing import Any, ClassVar
 from lanekeep_env import layout as at
 from lanekeep_env.checks import require
 from lanekeep_env.physics import models
-from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
+from lanekeep_env.physics.parameters import VehicleParameters
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.roads import EvasiveRoads, ParkingPaths, RoadSpec, SetSpeeds, SpeedSpec, set_speeds_from, speed_from
 from lanekeep_env.scenario.base import Channel, Measured, steering_channels
 from lanekeep_env.scenario.effects import Need

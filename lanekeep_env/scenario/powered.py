@@ -13,8 +13,9 @@ from lanekeep_env.checks import require, shown
 from lanekeep_env.physics import models
 from lanekeep_env.physics.integrate import LARGEST_SPEED
 from lanekeep_env.physics.load_transfer import LARGEST_ALONG
-from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
+from lanekeep_env.physics.parameters import VehicleParameters
 from lanekeep_env.physics.powertrain_parameters import Powertrain, powertrain_from
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.roads import RandomRoads, RoadSpec, SpeedSpec, speed_from
 from lanekeep_env.scenario.base import Channel
 from lanekeep_env.scenario.disturbances import bounds_from

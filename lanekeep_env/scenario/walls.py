@@ -13,7 +13,8 @@ import numpy as np
 from lanekeep_env import layout as at
 from lanekeep_env.checks import choose, require, shown
 from lanekeep_env.physics import models
-from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
+from lanekeep_env.physics.parameters import VehicleParameters
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.roads.speed import SetSpeeds, set_speeds_from
 from lanekeep_env.scenario.base import Channel, Measured, steering_channels
 from lanekeep_env.scenario.car import DEPARTURES, LARGEST_ANGLE, CarScenario, multiple_of_step

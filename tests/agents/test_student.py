@@ -19,7 +19,7 @@ from lanekeep_agents.policy_record import Network
 from lanekeep_agents.student import StudentPolicy
 from lanekeep_agents.student_record import Product, Student
 from lanekeep_env import LaneKeepScenario
-from lanekeep_env.physics.parameters import vehicle_from
+from lanekeep_env.physics.vehicles import vehicle_from
 
 SCENARIO = LaneKeepScenario(preview=20, departure="cost")
 BASES = ("lq-preview-offset-free", "lq-preview")

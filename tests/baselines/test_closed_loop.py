@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import lanekeep_baselines
 from lanekeep_baselines.yin_design import STEERING_RATIO, YinModel, observer_gains, redesigned_weights
 from lanekeep_baselines.yin_observer import transition
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.scenario import CameraLaneScenario, LaneKeepScenario, RoadScenario
 
 #: Largest speed, m/s; the van's steering motor, with a lag of 0.25 s, is made for walking speed.

@@ -13,7 +13,7 @@ import lanekeep_baselines
 from lanekeep_baselines.lq import LinearQuadraticGaussian, LqPreview, LqPreviewOffsetFree
 from lanekeep_baselines.lq_design import Weights
 from lanekeep_baselines.lq_model import HEADING, LATERAL, STEER, YAW_RATE, StepModel
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.scenario import CameraLaneScenario, LaneKeepScenario, ReversePathScenario
 
 STEP = 0.05

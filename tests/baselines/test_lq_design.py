@@ -11,7 +11,7 @@ import pytest
 from lanekeep_baselines.lq import LqPreview
 from lanekeep_baselines.lq_design import Cost, Estimated, Gains, Measuring, Weights, doubled, gains, on_samples
 from lanekeep_baselines.lq_model import LATERAL, STATES, STEER, StepModel
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.scenario import EvasiveScenario
 
 STEP = 0.05

@@ -13,7 +13,8 @@ from scipy.signal import cont2discrete
 
 import lanekeep_env  # noqa: F401  (registers the environments)
 from lanekeep_baselines.lq_model import STATES, StepModel, steady_sideslip
-from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
+from lanekeep_env.physics.parameters import VehicleParameters
+from lanekeep_env.physics.vehicles import VEHICLES
 
 STEP = 0.05
 YIN = VEHICLES["yin"]

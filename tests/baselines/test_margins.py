@@ -16,7 +16,7 @@ import lanekeep_baselines
 import lanekeep_env  # noqa: F401  (registers the environments)
 from lanekeep_baselines import lq
 from lanekeep_baselines.margins import Margins, margins
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.scenario import LaneKeepScenario
 
 STEP = 0.05

@@ -18,7 +18,8 @@ from lanekeep_baselines.lq_design import Cost, gains
 from lanekeep_baselines.lq_model import LATERAL, STEER, StepModel
 from lanekeep_baselines.mpc import MpcPreview
 from lanekeep_baselines.mpc_problem import Limits, Problem
-from lanekeep_env.physics.parameters import GRAVITY, VEHICLES
+from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.scenario import LaneKeepScenario
 
 STEP, STEPS = 0.05, 21

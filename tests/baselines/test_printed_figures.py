@@ -9,7 +9,7 @@ import pytest
 
 import lanekeep_baselines
 from lanekeep_baselines.yin_design import YinModel, control_gains, observer_gains, printed_weights
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.scenario import LaneKeepScenario
 
 # The slides' last page.

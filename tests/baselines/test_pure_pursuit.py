@@ -8,7 +8,7 @@ import pytest
 
 import lanekeep_baselines
 import lanekeep_env  # noqa: F401  (registers the environments)
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.scenario import LaneKeepScenario
 
 TO_REAR, WHEELBASE = 1.5, 2.8

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import lanekeep_baselines
 import lanekeep_env  # noqa: F401  (registers the environments)
 from lanekeep_baselines.stanley import Stanley
-from lanekeep_env.physics.parameters import VEHICLES, vehicle_from
+from lanekeep_env.physics.vehicles import VEHICLES, vehicle_from
 from lanekeep_env.scenario import LaneKeepScenario
 
 CAR = vehicle_from({"steering": {"lag": 0.0}})

@@ -10,7 +10,8 @@ import pytest
 
 import lanekeep_baselines
 from lanekeep_baselines.traechtler_model import CameraModel
-from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator
+from lanekeep_env.physics.parameters import SteeringActuator
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.scenario import CameraLaneScenario
 
 VAN = VEHICLES["van"]

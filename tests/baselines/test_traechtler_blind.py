@@ -11,7 +11,8 @@ import pytest
 from scipy.linalg import expm
 
 import lanekeep_baselines
-from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator
+from lanekeep_env.physics.parameters import SteeringActuator
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.scenario import CameraLaneScenario, TurnOffScenario
 
 VAN = VEHICLES["van"]

@@ -11,7 +11,7 @@ from two_track_oracle import TwoTrack
 from lanekeep_benchmarks.check.bends import bends_of
 from lanekeep_benchmarks.check.vehicles import eigenvalues, understeer_gradient
 from lanekeep_benchmarks.cli import run
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 
 
 def told(capsys, *arguments):
@@ -77,7 +77,7 @@ def test_vehicle(tmp_path, capsys):
     path = tmp_path / "tail.yaml"
     path.write_text("base: passat\nfront_cornering_stiffness: 120 kN/rad\nrear_cornering_stiffness: 80 kN/rad\n")
     found = told(capsys, "vehicle", "check", str(path))
-    from lanekeep_env.physics.parameters import vehicle_from
+    from lanekeep_env.physics.vehicles import vehicle_from
 
     tail, critical = vehicle_from(path), found["critical speed [m/s]"]
     assert eigenvalues(tail, critical - 0.1).real.max() < 0.0 < eigenvalues(tail, critical + 0.1).real.max()

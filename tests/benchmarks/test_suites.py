@@ -9,7 +9,7 @@ from lanekeep_benchmarks.evaluate import make_cars
 from lanekeep_benchmarks.plan import make_plan
 from lanekeep_benchmarks.suites import SUITES
 from lanekeep_env import RANDOMISATIONS, SENSOR_SETS
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.scenario.applying import DRAWN_BY_SETS, applying
 
 SCENARIOS = [(suite.name, scenario) for suite in SUITES.values() for scenario in suite.scenarios]

@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 from lanekeep_env import LaneSupportScenario
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.scenario import Driver
 from lanekeep_env.scenario.driver import DRIVERS
 

@@ -12,7 +12,8 @@ from scipy.optimize import brentq, least_squares
 from two_track_oracle import TwoTrack, tyre
 
 from lanekeep_env.physics import load_transfer, models
-from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator, vehicle_from
+from lanekeep_env.physics.parameters import SteeringActuator
+from lanekeep_env.physics.vehicles import VEHICLES, vehicle_from
 from lanekeep_env.scenario import LaneKeepScenario
 
 IDEAL = SteeringActuator()

@@ -7,7 +7,7 @@ from dataclasses import asdict
 import pytest
 
 from lanekeep_env import CameraLaneScenario, LaneKeepScenario, RoadWorksScenario
-from lanekeep_env.physics.parameters import VEHICLES, vehicle_from
+from lanekeep_env.physics.vehicles import VEHICLES, vehicle_from
 
 
 @pytest.mark.parametrize("ending", ["yaml", "json"])

@@ -9,7 +9,7 @@ import numpy as np
 from file_cases import Case, with_file
 from harness import Watch, mutated
 
-from lanekeep_env.physics.parameters import vehicle_from
+from lanekeep_env.physics.vehicles import vehicle_from
 
 _CARS = (
     (".yaml", b"base: passat\nmass: 1.8 t\nyaw_inertia: 3000\nsteering:\n  angle_limit: 30 deg\n  delay: 0.02\n"),

@@ -20,7 +20,7 @@ from harness import drive, special_files
 from map_cases import YAML, map_bombs, maps, pictures, with_map
 from road_cases import read_road, road_bombs, roads
 
-from lanekeep_env.physics.parameters import vehicle_from
+from lanekeep_env.physics.vehicles import vehicle_from
 from lanekeep_env.walls import MapFile
 
 

@@ -80,14 +80,7 @@ def run(
     torch.set_num_threads(threads)
     started = time.perf_counter()
     keywords = {"dtype": "float32", **settings.env}
-    try:
-        cars = CarVecEnv(settings.env_id, settings.num_envs, **keywords)
-    except TypeError as error:
-        raise ValueError(f"env: {error}") from error
-    scenario = cars.env.unwrapped.scenario  # type: ignore[attr-defined]
-    inner = cars if settings.base is None else Corrections(cars, scenario, settings.base, settings.bound or 0.0)
-    largest = settings.largest_cost * scenario.largest_cost * scenario.control_step
-    rewards = LearnersRewards(inner, largest, settings.gamma, settings.reward_scale)
+    scenario, rewards = _learners_cars(settings, keywords)
     env = Normalised(rewards)
     model = _model(settings, env)
     held_out = HeldOut(settings.env_id, keywords, settings.evaluation_episodes, settings.seed_of("evaluation"))
@@ -114,6 +107,18 @@ def run(
                 settings.steps - model.num_timesteps, [course, *several], reset_num_timesteps=False, log_interval=10
             )
         return course.finish(model)
+
+
+def _learners_cars(settings: TrainingSettings, keywords: dict[str, Any]) -> tuple[Any, LearnersRewards]:
+    """Return the scenario, and the cars as the learner meets them: corrected actions, bounded rewards."""
+    try:
+        cars = CarVecEnv(settings.env_id, settings.num_envs, **keywords)
+    except TypeError as error:
+        raise ValueError(f"env: {error}") from error
+    scenario = cars.env.unwrapped.scenario  # type: ignore[attr-defined]
+    inner = cars if settings.base is None else Corrections(cars, scenario, settings.base, settings.bound or 0.0)
+    largest = settings.largest_cost * scenario.largest_cost * scenario.control_step
+    return scenario, LearnersRewards(inner, largest, settings.gamma, settings.reward_scale)
 
 
 def network_of(settings: TrainingSettings) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from lanekeep_baselines.identification.result import PARAMETERS, Identification
 from lanekeep_baselines.identification.vehicle import redesign
 from lanekeep_baselines.policy import Floats, Policy
 from lanekeep_baselines.yin_design import YinModel
-from lanekeep_env.physics.parameters import vehicle_from
+from lanekeep_env.physics.vehicles import vehicle_from
 
 
 @dataclass(frozen=True, eq=False)

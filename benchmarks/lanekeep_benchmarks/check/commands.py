@@ -16,7 +16,7 @@ from lanekeep_benchmarks.check.report import shown_number
 from lanekeep_benchmarks.console import console
 from lanekeep_benchmarks.endings import check_picture, input_errors, interruptible
 from lanekeep_env.files import write_atomic
-from lanekeep_env.physics.parameters import vehicle_from
+from lanekeep_env.physics.vehicles import vehicle_from
 from lanekeep_env.roads import read_road
 from lanekeep_env.walls import MapFile
 

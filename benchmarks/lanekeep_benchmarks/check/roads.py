@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lanekeep_benchmarks.check.report import Report
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.roads import LimitedSpeed, Road, lap_time, read_road
 from lanekeep_env.scenario.lane_keep import steering_range
 

@@ -16,7 +16,7 @@ from lanekeep_baselines.wall_design import PiDesign, WallCar, bounded_pi_design,
 from lanekeep_benchmarks.replications import knightriders_plots as plots
 from lanekeep_benchmarks.replications.record import Replication, Row, Table
 from lanekeep_benchmarks.replications.wall_simulation import CAR
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 
 SPEEDS = (0.2, 0.4, 0.7, 1.0, 1.2, 1.5, 2.0, 2.5, 3.0)
 CARS = {name: VEHICLES[name].wheelbase for name in ("knightriders", "pses")}

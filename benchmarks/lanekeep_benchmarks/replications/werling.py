@@ -21,7 +21,8 @@ from lanekeep_benchmarks.replications.passat import Drive, Floats, ReverseBends,
 from lanekeep_benchmarks.replications.record import Replication, Row, Table
 from lanekeep_benchmarks.replications.werling_robustness import actuators, jumps, wrong_predictions
 from lanekeep_benchmarks.replications.werling_traffic import START, TRAFFIC, comfort, noise, tracking
-from lanekeep_env.physics.parameters import GRAVITY, VEHICLES
+from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.physics.vehicles import VEHICLES
 
 CAR = VEHICLES["passat"]
 #: Length of the mean over the acceleration before the jerk is taken, s.

@@ -14,7 +14,8 @@ from lanekeep_baselines.werling_lateral import WerlingTuning
 from lanekeep_benchmarks.replications import werling_plots as plots
 from lanekeep_benchmarks.replications.passat import CurvatureSteps, Drive, Floats, back_within, drive
 from lanekeep_benchmarks.replications.record import Replication, Row, Table
-from lanekeep_env.physics.parameters import GRAVITY, VEHICLES
+from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.physics.vehicles import VEHICLES
 
 CAR = VEHICLES["passat"]
 #: Of Figure 8, m/s.

@@ -17,7 +17,8 @@ from lanekeep_benchmarks import evaluate
 from lanekeep_benchmarks.replications import werling_plots as plots
 from lanekeep_benchmarks.replications.passat import Drive, drive
 from lanekeep_benchmarks.replications.record import Replication, Row, Table
-from lanekeep_env.physics.parameters import GRAVITY, VEHICLES
+from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.physics.vehicles import VEHICLES
 
 #: Figure 10's time line, and its start.
 TRAFFIC = [(0, "speed", 0), (4, "speed", 10), (15, "lead", 35, 7.5), (30, "lead_gone"), (37, "stop", 30)]

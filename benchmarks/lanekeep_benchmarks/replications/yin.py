@@ -18,7 +18,8 @@ from lanekeep_benchmarks.replications.record import Replication, Row, Table
 from lanekeep_benchmarks.replications.yin_decoding import gains, open_numbers, steady_errors
 from lanekeep_benchmarks.replications.yin_identification import identification
 from lanekeep_benchmarks.replications.yin_support import support
-from lanekeep_env.physics.parameters import GRAVITY, VEHICLES
+from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.physics.vehicles import VEHICLES
 
 CAR = VEHICLES["yin"]
 #: Controllers by what the slides call them; the third is this project's redesign of the second.

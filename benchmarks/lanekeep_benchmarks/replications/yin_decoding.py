@@ -23,7 +23,7 @@ from lanekeep_baselines.yin_design import (
     printed_weights,
 )
 from lanekeep_benchmarks.replications.record import Replication, Row, Table
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 
 CONTROL: Floats = np.array([0.2994, 2.0638, -13.5262, -0.5271])
 OBSERVER: Floats = np.array(

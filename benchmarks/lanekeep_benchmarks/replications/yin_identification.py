@@ -11,7 +11,7 @@ from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.yin_design import YinModel
 from lanekeep_benchmarks.replications import yin_plots as plots
 from lanekeep_benchmarks.replications.record import Replication, Table
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 
 #: Length of the second run, in which the model never looks at a measurement but the speed, s.
 SECONDS = 30.0

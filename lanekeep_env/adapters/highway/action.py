@@ -15,7 +15,7 @@ from lanekeep_env.adapters.highway.configuration import check_keys, check_world
 from lanekeep_env.adapters.highway.plant import FreeScenario, Plant
 from lanekeep_env.adapters.highway.vehicle import EgoVehicle
 from lanekeep_env.checks import known, shown
-from lanekeep_env.physics.parameters import vehicle_from
+from lanekeep_env.physics.vehicles import vehicle_from
 from lanekeep_env.roads import ConstantSpeed, StraightRoad
 from lanekeep_env.scenario.disturbances import bounds_from
 

@@ -15,6 +15,7 @@ from lanekeep_env.engine.step import Family
 from lanekeep_env.physics.integrate import named
 
 
+# Many lines, for they are the four places of a step, each a function that must know the family.
 @functools.cache
 def disturbed(family: Family, axle_rows: tuple[int, int], asked_rows: tuple[int, ...]) -> Family:
     """Return a family with all that may disturb cars on roads; which of it a scenario has, its settings say.

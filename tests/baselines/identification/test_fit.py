@@ -17,7 +17,8 @@ from lanekeep_baselines.identification import (
     identify,
 )
 from lanekeep_baselines.yin_design import YinModel
-from lanekeep_env.physics.parameters import VEHICLES, SteeringActuator, VehicleParameters
+from lanekeep_env.physics.parameters import SteeringActuator, VehicleParameters
+from lanekeep_env.physics.vehicles import VEHICLES
 
 SILENT = SensorNoise(speed=0.0, steering=0.0, yaw_rate=0.0, heading=0.0, position=0.0)
 

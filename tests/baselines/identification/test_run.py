@@ -18,7 +18,7 @@ from lanekeep_baselines.identification import (
     multi_sine,
     record_run,
 )
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 
 SILENT = SensorNoise(speed=0.0, steering=0.0, yaw_rate=0.0, heading=0.0, position=0.0)
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from lanekeep_baselines.identification import SensorNoise, excited_drive
 from lanekeep_baselines.identification.simulate import Inputs, simulate
 from lanekeep_baselines.yin_design import YinModel
-from lanekeep_env.physics.parameters import VEHICLES
+from lanekeep_env.physics.vehicles import VEHICLES
 
 MODEL = YinModel.of(VEHICLES["yin"])
 TRUTH = np.array([MODEL.a11, MODEL.a12, MODEL.a21, MODEL.a22, MODEL.b1, MODEL.b2, 1.0 / 11.16])

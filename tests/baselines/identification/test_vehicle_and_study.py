@@ -18,7 +18,8 @@ from lanekeep_baselines.identification import (
 )
 from lanekeep_baselines.identification.study import Study, coverage, design_loss
 from lanekeep_baselines.yin_design import STEERING_RATIO, YinModel, control_gains
-from lanekeep_env.physics.parameters import VEHICLES, VehicleParameters
+from lanekeep_env.physics.parameters import VehicleParameters
+from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.scenario import LaneKeepScenario
 
 MEASURED = (

@@ -17,7 +17,8 @@ import lanekeep_baselines
 import lanekeep_env
 from lanekeep_env.adapters.highway import EgoVehicle, HighwayScenario
 from lanekeep_env.adapters.highway.action import plant_of
-from lanekeep_env.physics.parameters import GRAVITY, vehicle_from
+from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.physics.vehicles import vehicle_from
 
 STEP = 0.05
 WORLDS = ("highway-v0", "merge-v0", "roundabout-v0", "racetrack-v0", "lane-keeping-v0")
