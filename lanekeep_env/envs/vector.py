@@ -78,6 +78,8 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.single_action_space = Box(-1.0, 1.0, (self._core.num_actions,), dtype=np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
+        #: Truth in the infos by name, and its row in the outcome.
+        self.truth = dict((*TRUTH, *self.further))
         self._masks = tuple(f"_{name}" for name in (*dict(TRUTH), "is_success", "termination", *dict(self.further)))
         self._threads = num_threads
         if num_threads > 1:
