@@ -76,7 +76,7 @@ def test_it_drives_better_than_doing_nothing(name):
     record = read_record(ZOO / f"{name}.json")
     if record.env_id in ADAPTED:
         pytest.importorskip("highway_env")
-    policy, held_out = lanekeep_agents.load(name), held_out_of(record, 8, 7)
+    policy, held_out = lanekeep_agents.load(name), held_out_of(record, 32, 7)
 
     class Nothing:
         def predict(self, observation, state=None, episode_start=None):
