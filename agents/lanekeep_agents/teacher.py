@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 import lanekeep_env  # noqa: F401
 from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
+from lanekeep_env.engine.packed import Packed
 from lanekeep_env.families.road.cars import RoadCars
 
 Floats = NDArray[np.float64]
@@ -41,6 +42,20 @@ class Linearised(NamedTuple):
     states: Floats
     a: Floats
     b: Floats
+
+
+class _Copies:
+    """Blocks of cars like those of an environment, on its roads, for its kernel."""
+
+    def __init__(self, cars: RoadCars, blocks: int) -> None:
+        _, rows, size = cars.cars.shape
+        self.cars = np.empty((blocks, rows, size))
+        self.counters = np.empty((len(cars.counters), blocks * size), dtype=np.int64)
+        self.action = np.zeros(blocks * size, dtype=np.float32)
+        self.outcome = np.empty((cars.outcome_rows, blocks * size))
+        seen = np.empty((blocks * size, cars.num_channels), dtype=np.float32)
+        _, _, *around = cars.state
+        self.packed = Packed(self.cars, self.counters, *around, self.action, seen)
 
 
 class Teacher:
@@ -78,8 +93,7 @@ class Teacher:
         self.names, self._rows = tuple(rows), np.array(list(rows.values()))
         self.num_cars = num_cars
         self._outcome = np.zeros((self._cars.outcome_rows, num_cars))
-        self._seen = np.zeros((num_cars, self._cars.num_channels), dtype=np.float32)
-        self._copies: tuple[NDArray[Any], ...] | None = None
+        self._copies: _Copies | None = None
 
     def reset(self, seeds: Sequence[int], options: Mapping[str, Any] | None = None) -> NDArray[np.float32]:
         """Start the episode of each car's seed; return what is observed, (n, channels)."""
@@ -97,8 +111,9 @@ class Teacher:
             have never left their lane in this episode, (n,).
         """
         cars = self._cars
-        cars.step(0, len(cars.cars), *cars.state, _float32(actions), self._seen, self._outcome)
-        return self._seen, self._outcome[at.O_REWARD].copy(), self._outcome[at.O_SUCCESS] > 0.0
+        cars.action.reshape(-1)[:] = _float32(actions)
+        cars.step(cars.packed.handle, 0, len(cars.cars), self._outcome)
+        return cars.observation, self._outcome[at.O_REWARD].copy(), self._outcome[at.O_SUCCESS] > 0.0
 
     @property
     def states(self) -> Floats:
@@ -154,25 +169,19 @@ class Teacher:
         blocks, rows, size = cars.cars.shape
         count = len(self._rows) + 2
         if self._copies is None:
-            self._copies = (
-                np.empty((count * blocks, rows, size)),
-                np.empty((len(cars.counters), count * blocks * size), dtype=np.int64),
-                np.empty((count * blocks * size, cars.num_channels), dtype=np.float32),
-                np.empty((cars.outcome_rows, count * blocks * size)),
-            )
-        copies, counters, seen, outcome = self._copies
-        moved = copies.reshape(count, blocks, rows, size)
+            self._copies = _Copies(cars, count * blocks)
+        copies = self._copies
+        moved = copies.cars.reshape(count, blocks, rows, size)
         moved[:] = cars.cars
         for i, row in enumerate(self._rows):
             moved[i + 1, :, row] += _STATE_CHANGE
-        counted = counters.reshape(-1, count, blocks * size)
+        counted = copies.counters.reshape(-1, count, blocks * size)
         counted[:, :, n:] = 0
         counted[:, :, :n] = cars.counters[:, None]
-        wanted = np.zeros((count, blocks * size), dtype=np.float32)
+        wanted = copies.action.reshape(count, blocks * size)
         wanted[:, :n] = given
         wanted[-1, :n] -= np.copysign(np.float32(_ACTION_CHANGE), given)
-        _, _, ground, index, settings, equipment = cars.state
-        cars.step(0, len(copies), copies, counters, ground, index, settings, equipment, wanted.ravel(), seen, outcome)
+        cars.step(copies.packed.handle, 0, len(copies.cars), copies.outcome)
         after = self._columns(moved)
         change = self.from_states(after[1:], after[0])
         step = wanted[-1, :n].astype(np.float64) - given
