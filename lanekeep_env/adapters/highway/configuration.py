@@ -8,6 +8,7 @@ from typing import Any
 from highway_env.envs.merge_env import MergeEnv
 from highway_env.envs.roundabout_env import RoundaboutEnv
 from highway_env.envs.two_way_env import TwoWayEnv
+from highway_env.envs.u_turn_env import UTurnEnv
 
 from lanekeep_env.checks import known
 
@@ -20,7 +21,7 @@ def check_keys(config: Iterable[str], defaults: Mapping[str, Any]) -> None:
 def check_world(env: Any, numbers: int) -> None:
     """Raise ValueError where the rewards of ``env`` cannot be those of an action of so many numbers, or of our car."""
     name = type(env).__name__ if env.spec is None else env.spec.id
-    if isinstance(env, TwoWayEnv):
+    if isinstance(env, TwoWayEnv | UTurnEnv):
         raise ValueError(
             f"{name} is not allowed with our car: its reward reads the target speed of a car that is told 'faster' or "
             "'slower' (DiscreteMetaAction)"

@@ -248,7 +248,7 @@ def test_what_is_not_allowed_is_told_in_one_line(config, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("world", ("two-way-v0", "merge-v1", "roundabout-v1"))
+@pytest.mark.parametrize("world", ("two-way-v0", "u-turn-v0", "merge-v1", "roundabout-v1"))
 def test_worlds_whose_rewards_ask_for_another_action_are_refused_where_highway_env_would_trip(world):
     with pytest.raises((AttributeError, ValueError)) as theirs:
         made(world, action={"type": "ContinuousAction"})
