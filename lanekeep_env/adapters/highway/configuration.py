@@ -8,9 +8,11 @@ from typing import Any
 from highway_env.envs.merge_env import MergeEnv
 from highway_env.envs.roundabout_env import RoundaboutEnv
 from highway_env.envs.two_way_env import TwoWayEnv
-from highway_env.envs.u_turn_env import UTurnEnv
 
 from lanekeep_env.checks import known
+
+#: What they show on a road of u-turns, unless told otherwise.
+_GRID = "TimeToCollision"
 
 
 def check_keys(config: Iterable[str], defaults: Mapping[str, Any]) -> None:
@@ -19,9 +21,9 @@ def check_keys(config: Iterable[str], defaults: Mapping[str, Any]) -> None:
 
 
 def check_world(env: Any, numbers: int) -> None:
-    """Raise ValueError where the rewards of ``env`` cannot be those of an action of so many numbers, or of our car."""
+    """Raise ValueError where rewards or observations of ``env`` cannot be those of our car, or of so many numbers."""
     name = type(env).__name__ if env.spec is None else env.spec.id
-    if isinstance(env, TwoWayEnv | UTurnEnv):
+    if isinstance(env, TwoWayEnv):
         raise ValueError(
             f"{name} is not allowed with our car: its reward reads the target speed of a car that is told 'faster' or "
             "'slower' (DiscreteMetaAction)"
@@ -30,4 +32,9 @@ def check_world(env: Any, numbers: int) -> None:
         raise ValueError(
             f"{name} is not allowed with an action of two numbers: its reward takes one; "
             "allowed: 'longitudinal': False or 'lateral': False"
+        )
+    if env.config["observation"]["type"] == _GRID:
+        raise ValueError(
+            f"observation type {_GRID!r} of {name} is not allowed with our car: it reads the target speeds of a car "
+            "that is told 'faster' or 'slower'; allowed: all others, 'LanekeepObservation' for one"
         )
