@@ -99,7 +99,7 @@ class Corrected:
     def __init__(
         self, env_id: str, base: str, reads: Sequence[str], bound: float, cars: int, keywords: Mapping[str, Any]
     ) -> None:
-        self._env = gym.make_vec(env_id, cars, "vector_entry_point", autoreset_mode="disabled", **keywords)
+        self._env: Any = gym.make_vec(env_id, cars, "vector_entry_point", autoreset_mode="disabled", **keywords)
         #: That they drive in.
         self.scenario: Any = self._env.unwrapped.scenario  # type: ignore[attr-defined]
         self.cars = cars
