@@ -35,8 +35,8 @@ def test_an_example_trains_saves_and_drives(example, tmp_path, monkeypatch, caps
     assert len(example.read_text().splitlines()) < 40
 
 
-def test_there_is_an_example_of_each_algorithm_a_curriculum_and_anothers_task():
-    assert [file.stem for file in EXAMPLES] == ["curriculum", "highway", "ppo", "sac", "td3"]
+def test_there_is_an_example_of_each_algorithm_a_curriculum_a_search_and_anothers_task():
+    assert [file.stem for file in EXAMPLES] == ["ars", "curriculum", "highway", "ppo", "sac", "td3"]
 
 
 @pytest.mark.parametrize("normalised", [True, False])

@@ -11,6 +11,9 @@ from highway_env.envs.two_way_env import TwoWayEnv
 
 from lanekeep_env.checks import known
 
+#: What they show on a road of u-turns, unless told otherwise.
+_GRID = "TimeToCollision"
+
 
 def check_keys(config: Iterable[str], defaults: Mapping[str, Any]) -> None:
     """Raise ValueError for a key that none of the ``defaults`` has: highway-env would pass over it."""
@@ -18,7 +21,7 @@ def check_keys(config: Iterable[str], defaults: Mapping[str, Any]) -> None:
 
 
 def check_world(env: Any, numbers: int) -> None:
-    """Raise ValueError where the rewards of ``env`` cannot be those of an action of so many numbers, or of our car."""
+    """Raise ValueError where rewards or observations of ``env`` cannot be those of our car, or of so many numbers."""
     name = type(env).__name__ if env.spec is None else env.spec.id
     if isinstance(env, TwoWayEnv):
         raise ValueError(
@@ -29,4 +32,9 @@ def check_world(env: Any, numbers: int) -> None:
         raise ValueError(
             f"{name} is not allowed with an action of two numbers: its reward takes one; "
             "allowed: 'longitudinal': False or 'lateral': False"
+        )
+    if env.config["observation"]["type"] == _GRID:
+        raise ValueError(
+            f"observation type {_GRID!r} of {name} is not allowed with our car: it reads the target speeds of a car "
+            "that is told 'faster' or 'slower'; allowed: all others, 'LanekeepObservation' for one"
         )

@@ -248,13 +248,20 @@ def test_what_is_not_allowed_is_told_in_one_line(config, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("world", ("two-way-v0", "merge-v1", "roundabout-v1"))
+@pytest.mark.parametrize("world", ("two-way-v0", "u-turn-v0", "merge-v1", "roundabout-v1"))
 def test_worlds_whose_rewards_ask_for_another_action_are_refused_where_highway_env_would_trip(world):
     with pytest.raises((AttributeError, ValueError)) as theirs:
         made(world, action={"type": "ContinuousAction"})
-    with pytest.raises(ValueError, match=r"its reward (reads|takes)") as ours:
+    with pytest.raises(ValueError, match=r"(its reward|it) (reads|takes)") as ours:
         made(world, action={"type": "LanekeepAction"})
     assert "\n" not in str(ours.value) and str(theirs.value) != str(ours.value)
+
+
+def test_a_u_turn_is_driven_by_our_channels():
+    env = made("u-turn-v0", action=EGO, observation={"type": "LanekeepObservation"})
+    observation, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observation)
+    assert env.observation_space.contains(env.step(np.zeros(1, dtype=np.float32))[0])
 
 
 def test_another_step_than_the_one_it_was_made_for_is_refused():
