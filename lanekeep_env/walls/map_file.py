@@ -192,17 +192,18 @@ def _check_inside(line: Floats, inside: Cells, settings: MapSettings) -> None:
     x, y, yaw = settings.origin
     cosine, sine = math.cos(yaw), math.sin(yaw)
     loop = np.vstack([line, line[:1]])
-    station = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(loop, axis=0).T))])
-    along = np.linspace(0.0, station[-1], int(min(_MOST_PLACES, 2.0 + station[-1] / settings.resolution)))
-    place = np.column_stack([np.interp(along, station, loop[:, axis]) for axis in (0, 1)])
-    column, row = np.floor((place - (x, y)) @ [[cosine, -sine], [sine, cosine]] / settings.resolution).T
-    good = (column >= 0) & (column < inside.shape[1]) & (row >= 0) & (row < inside.shape[0])
+    with np.errstate(all="ignore"):  # what overflows lies outside
+        station = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(loop, axis=0).T))])
+        along = np.linspace(0.0, station[-1], int(min(_MOST_PLACES, 2.0 + station[-1] / settings.resolution)))
+        place = np.column_stack([np.interp(along, station, loop[:, axis]) for axis in (0, 1)])
+        column, row = np.floor((place - (x, y)) @ [[cosine, -sine], [sine, cosine]] / settings.resolution).T
+        good = (column >= 0) & (column < inside.shape[1]) & (row >= 0) & (row < inside.shape[0])
     good[good] = inside[row[good].astype(np.intp), column[good].astype(np.intp)]
     if 1.0 - good.mean() > _OUTSIDE:
         first = place[np.argmin(good)]
         raise ValueError(
-            f"{1.0 - good.mean():.0%} of the centre line lies in or behind walls, first at ({first[0]:.3f}, "
-            f"{first[1]:.3f}) m; it must be this map's, in driving order, once round (its end leads back to its start)"
+            f"{1.0 - good.mean():.0%} of the centre line lies in or behind walls, first at ({first[0]:.7g}, "
+            f"{first[1]:.7g}) m; it must be this map's, in driving order, once round (its end leads back to its start)"
         )
 
 
