@@ -79,11 +79,14 @@ def read_vehicle_file(path: str | Path) -> dict[str, Any]:
         )
         if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
             raise ValueError(f"it holds no fields; expected {', '.join(SCHEMA)}")
-        changes = _commonroad(value, Path(path).stem) if all(key in value for key in _COMMONROAD) else _plain(value, "")
+        complete = all(key in value for key in _COMMONROAD)
+        changes = _commonroad(value, Path(path).stem) if complete else _plain(value, "")
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{name}: {' '.join(str(error).split())}") from None
     changes.setdefault("name", _title(Path(path).stem))
-    changes.setdefault("source", f"file {_title(Path(path).name)}")
+    base = changes.get("base", "yin")
+    told = "" if complete or not isinstance(base, str) else f", changes to {base}"
+    changes.setdefault("source", f"file {_title(Path(path).name)}{told}")
     return changes
 
 

@@ -210,7 +210,8 @@ def vehicle_from(value: str | Path | Mapping[str, Any] | VehicleParameters) -> V
     if isinstance(value, str):
         if value not in VEHICLES:
             raise ValueError(
-                f"vehicle={shown(value)} is unknown{nearest(value, VEHICLES)}; allowed: {', '.join(VEHICLES)}"
+                f"vehicle={shown(value)} is unknown{nearest(value, VEHICLES)}; allowed: {', '.join(VEHICLES)}, "
+                f"or a file ({', '.join(ENDINGS)})"
             )
         return VEHICLES[value]
     if not isinstance(value, Mapping):

@@ -25,6 +25,8 @@ _ELSEWHERE = "give another start, x and y in m, as the map's frame has them"
 _LARGEST_YAML = 100_000
 # Points of a centre line times walls: from each point all walls are looked at, which takes some seconds.
 _MOST_CHECKS = 10_000_000
+# Share of a centre line that may lie in walls: boxes stand on it, and specks. It is looked at in so many places.
+_OUTSIDE, _MOST_PLACES = 0.05, 1_000_000
 
 
 def read_map(
@@ -100,9 +102,12 @@ class MapContent:
                 raise ValueError(
                     f"the start lies in unknown cells (cell {cell[1]}, {cell[0]}; mode raw: above 100); {_ELSEWHERE}"
                 )
-            walls = borders(_reached(free, cell))
+            inside = _reached(free, cell)
+            walls = borders(inside)
             segments = _to_world(walls.reshape(-1, 2), settings).reshape(-1, 4)
             line = None if centre_line is None else self._centre_line(centre_line, walls)
+            if line is not None:
+                _check_inside(line, inside, settings)
             pose = start if line is None else _on_line(line, start)
             glass = np.zeros(len(segments), np.bool_)
             poses = np.array([pose], dtype=np.float64)
@@ -180,6 +185,26 @@ def _free(grey: Grey, settings: MapSettings, unknown_is_wall: bool) -> tuple[Cel
     # The brighter the less (or, negated, the more) occupied: the solid levels are the first or the last.
     count, levels = np.count_nonzero(solid), grey.levels[::-1]
     return (levels < len(solid) - count if settings.negate else levels >= count), None
+
+
+def _check_inside(line: Floats, inside: Cells, settings: MapSettings) -> None:
+    """Raise ValueError where much of a closed line, m, lies outside the cells that can be reached."""
+    x, y, yaw = settings.origin
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    loop = np.vstack([line, line[:1]])
+    with np.errstate(all="ignore"):  # what overflows lies outside
+        station = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(loop, axis=0).T))])
+        along = np.linspace(0.0, station[-1], int(min(_MOST_PLACES, 2.0 + station[-1] / settings.resolution)))
+        place = np.column_stack([np.interp(along, station, loop[:, axis]) for axis in (0, 1)])
+        column, row = np.floor((place - (x, y)) @ [[cosine, -sine], [sine, cosine]] / settings.resolution).T
+        good = (column >= 0) & (column < inside.shape[1]) & (row >= 0) & (row < inside.shape[0])
+    good[good] = inside[row[good].astype(np.intp), column[good].astype(np.intp)]
+    if 1.0 - good.mean() > _OUTSIDE:
+        first = place[np.argmin(good)]
+        raise ValueError(
+            f"{1.0 - good.mean():.0%} of the centre line lies in or behind walls, first at ({first[0]:.7g}, "
+            f"{first[1]:.7g}) m; it must be this map's, in driving order, once round (its end leads back to its start)"
+        )
 
 
 def _on_line(line: Floats, start: tuple[float, float, float]) -> tuple[float, float, float]:

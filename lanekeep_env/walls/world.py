@@ -52,6 +52,8 @@ class World:
             self._set("centre_line", self.centre_line, np.float64, "(m, 2): x, y in m", 2)
             if len(self.centre_line) < 2:
                 raise ValueError(f"world {self.name!r}: centre_line has 1 point; at least 2 are needed")
+            if not np.ptp(self.centre_line, axis=0).any():
+                raise ValueError(f"world {self.name!r}: the points of centre_line are all the same; they must differ")
         if self.spaces is not None and len(self.spaces):
             self._set("spaces", self.spaces, np.float64, "(s, 5): x, y in m, heading in rad, length, depth in m", 5)
         glass = np.array(self.glass, dtype=np.bool_)

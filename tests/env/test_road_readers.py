@@ -285,6 +285,7 @@ WAYS_OUT = [
     ("road.csv", lines(KM), ["m long; at least 3 m", "x_km"]),
     ("road.csv", lines(1000 * POINTS), ["from the point before", "x_mm"]),
     ("road.csv", lines(degrees(POINTS), digits=9), ["m long", "lat,lon"]),
+    ("road.csv", "# of a track\nhello world\n", ["holds no line of numbers", "'of a track'", "named columns"]),
     ("road.csv", lines(np.c_[X, Y, Z]), ["3 columns without names", "x_m,y_m"]),
     ("road.txt", lines(np.c_[X, Z, Y]), ["column 2 never changes", "begin with the line x_m,height,y_m"]),
     ("road.csv", lines(np.c_[S, Z], header=["s,phi"]), ["known are s", "kappa_radpm"]),

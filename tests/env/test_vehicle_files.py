@@ -23,6 +23,7 @@ def test_vehicles_from_files_with_units(tmp_path, ending):
     assert car.front_cornering_stiffness == 95e3 and car.rear_cornering_stiffness == base.rear_cornering_stiffness
     assert car.steering.angle_limit == pytest.approx(math.pi / 6) and car.steering.delay == 0.02
     assert car.steering.lag == base.steering.lag
+    assert car.source == f"file {path.name}, changes to passat"
     scenario = LaneKeepScenario.from_keywords(vehicle=str(path))
     path.unlink()  # what it said stays
     assert LaneKeepScenario.from_keywords(**scenario.to_dict()).hash == scenario.hash
@@ -58,6 +59,8 @@ def test_bad_vehicle_files_are_told_in_one_line(tmp_path, text, words):
         assert word in message, message
     with pytest.raises(ValueError, match="No such file"):
         vehicle_from(str(tmp_path / "nowhere.yaml"))
+    with pytest.raises(ValueError, match=r"or a file \(.yaml"):
+        vehicle_from("my_car.toml")
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])
@@ -81,6 +84,11 @@ def test_a_commonroad_tyre_without_a_slope_is_refused_in_one_line(tmp_path, slop
     with pytest.raises(ValueError, match=r"car\.yaml.*p_ky1=.*it must be a number < 0") as caught:
         vehicle_from(str(path))
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_file_without_base_says_which_car_it_changes(tmp_path):
+    (tmp_path / "mine.yaml").write_text("mass: 2 t\n")
+    assert "yin" in vehicle_from(tmp_path / "mine.yaml").source
 
 
 def test_nested_mappings_are_changes():

@@ -96,7 +96,8 @@ def read_table(content: bytes, name: str) -> Table:
         rows.append(row)
         numbers.append(number)
     if not rows:
-        raise ValueError(f"{name} is empty; expected {EXPECTED}")
+        begin = f"holds no line of numbers, first {shown(headers[0][:80])}" if headers else "is empty"
+        raise ValueError(f"{name} {begin}; expected {EXPECTED}")
     names, units = _names(headers, len(rows[0]), delimiter)
     told = f"columns between {_TOLD[delimiter]}" + (", decimal comma" if decimal == "," else "")
     return Table(names, units, np.array(rows, dtype=np.float64), numbers, (told,))

@@ -3,6 +3,7 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+import shapely
 from PIL import Image
 
 from lanekeep_env.walls import MapFile, read_map, world_from
@@ -89,8 +90,9 @@ def test_the_middle_of_a_circuit_is_found(tmp_path):
 
 def test_centre_lines_from_files_and_lists(tmp_path):
     path = write(tmp_path, Image.fromarray(ring()), origin="[-4.0, -0.6, 0]")
-    angle = np.linspace(0.0, 2 * np.pi, 200, endpoint=False) - np.pi / 2
-    line = np.column_stack([3.4 * np.cos(angle), 2.5 + 2.5 * np.sin(angle)])
+    middle = shapely.box(-2.4, 1.0, 2.6, 4.0).buffer(1.0, quad_segs=100).exterior  # its corners are round
+    line = shapely.get_coordinates(middle.interpolate(np.linspace(0.0, 1.0, 200, endpoint=False), normalized=True))
+    line = line if middle.is_ccw else line[::-1]
     np.savetxt(tmp_path / "line.csv", line[::-1], delimiter=",")
     (clockwise,) = world_from({"map": str(path), "centre_line": str(tmp_path / "line.csv")}).build()
     assert abs(clockwise.start[0, 2]) == pytest.approx(np.pi, abs=0.05)
@@ -105,6 +107,31 @@ def test_centre_lines_from_files_and_lists(tmp_path):
     assert len(prints) == 3 and "centre_line" not in MapFile(str(path)).to_dict()
     with pytest.raises(ValueError, match=r"world.centre_line=\[\[0, 0\]\] is not allowed"):
         world_from({"map": path, "centre_line": [[0, 0]]})
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_a_centre_line_behind_walls_is_refused(tmp_path, turn):
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    path = write(tmp_path, Image.fromarray(ring()), origin=f"[1.0, 2.0, {turn}]")
+    # The corridor's middle is 0.6 m from the edges of the picture, which is 8.2 x 6.2 m; the map's frame is turned.
+    corners = np.array([[0.6, 0.6], [7.6, 0.6], [7.6, 5.6], [0.6, 5.6]])
+    line = np.array([a + (b - a) * t for a, b in zip(corners, np.roll(corners, -1, 0), strict=True) for t in (0, 0.5)])
+
+    def build(points):
+        points = points @ rotation.T + (1.0, 2.0)
+        x, y = points[0]
+        return MapFile(str(path), x, y, centre_line=points.tolist()).build()[0]
+
+    assert build(line).length == pytest.approx(24.0)
+    # From corner to corner and back, the block's sides are met at 0.5 m of 5 m before and after it.
+    across = np.linspace(corners[0], corners[2], 9)
+    half = np.vstack([np.linspace(*pair, 5) for pair in (corners[:2], corners[1:3])])  # 7 m, 5 m, the diagonal back
+    back = float(np.hypot(7.0, 5.0))
+    for wrong, share in ((across, 0.8), (half, 0.8 * back / (12.0 + back)), (line * (3.0, 1.0), None)):
+        with pytest.raises(ValueError, match="of the centre line lies in or behind walls, first at") as caught:
+            build(wrong)
+        told = float(str(caught.value).partition("% of")[0].rpartition(" ")[2])
+        assert share is None or told == pytest.approx(100.0 * share, abs=1.0)
 
 
 def test_circuit_drives_a_map(tmp_path):

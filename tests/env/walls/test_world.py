@@ -40,6 +40,7 @@ def room(**changes):
         ({"start": []}, r"start has shape \(0,\)"),
         ({"start": [(np.inf, 0, 0)]}, "start holds"),
         ({"centre_line": [(0, 0)]}, "centre_line has 1 point"),
+        ({"centre_line": [(0, 0)] * 9}, "the points of centre_line are all the same"),
     ],
 )
 def test_faulty_worlds_are_refused(changes, words):
