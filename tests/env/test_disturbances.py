@@ -355,6 +355,25 @@ def test_a_change_multiplies_what_the_episode_drew_and_comes_at_its_time():
     np.testing.assert_array_equal(seen[-1], seen[0])
 
 
+def test_a_car_that_changes_stays_the_one_that_was_drawn():
+    """What `narrow` says holds from the next episode on, and so does what another car is reset with."""
+    keywords = {"randomisation": {"friction": (0.5, 1.0), "speed": (0.8, 1.0)}, "changes": {"mass": 1.1, "time": 1.0}}
+    keywords |= {**STRAIGHT, "speed": 20.0, "tyre": "magic_formula"}
+    envs = gym.make_vec("lanekeep/LaneKeep-v0", 2, "vector_entry_point", **keywords).unwrapped
+    names = [c.name for c in envs.channels]
+    columns = names.index("friction"), names.index("speed")
+    envs.reset(seed=3)
+    seen = []
+    for step in range(40):
+        if step == 10:
+            envs.reset(options={"friction": 0.5, "speed": 0.8, "reset_mask": np.array([False, True])})
+        seen.append(envs.step(np.zeros((2, 1), np.float32))[0][:, columns])
+    seen = np.array(seen)
+    assert (seen[:, 0] == seen[0, 0]).all() and (seen[11:, 1] == seen[11, 1]).all()
+    np.testing.assert_allclose(seen[-1, 1], [0.5, 16.0], rtol=1e-6)
+    assert seen[0, 0, 0] > 0.51 and seen[0, 0, 1] > 16.1
+
+
 @pytest.mark.parametrize("name", ["RoadWorks", "LaneSupport", "Evasive", "Drive", "Traffic"])
 def test_every_road_with_tyres_feels_them_and_cars_are_those_of_single_environments(name):
     keywords = {
