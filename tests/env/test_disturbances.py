@@ -320,10 +320,10 @@ def step_response(env, wait, steps=60):
     return np.array([seen["lateral_error"][wait:], seen["yaw_rate"][wait:], seen["steering_angle"][wait:]])
 
 
-@pytest.mark.parametrize("tyre", ["linear", "magic_formula"])
+@pytest.mark.parametrize("tyre", ["linear", "magic_formula", "load_sensitive"])
 def test_a_changed_car_drives_as_one_that_was_so_from_the_start(tyre):
     factors = {"mass": 1.25, "front_cornering_stiffness": 0.8, "rear_cornering_stiffness": 0.75, "steering_lag": 2.0}
-    factors |= {"friction": 0.55} if tyre == "magic_formula" else {}
+    factors |= {"friction": 0.55} if tyre != "linear" else {}
     keywords = {"speed": 25.0, "tyre": tyre}
     born = step_response(made(randomisation=factors, **keywords), 20)
     became = step_response(made(changes={**factors, "time": 1.0}, **keywords), 20)
@@ -471,6 +471,15 @@ def test_all_cars_that_occur_are_judged():
     car = {"vehicle": "pses", "speed": 1.0, "max_steering_angle": 0.15}
     drawn, becomes = LaneKeepScenario(randomisation=factors, **car), LaneKeepScenario(changes=factors, **car)
     assert becomes.integration == drawn.integration != LaneKeepScenario(**car).integration
+
+
+def test_patches_that_grip_more_are_judged_as_a_road_that_does():
+    """A tall, light car's loads move the more the harder it may brake."""
+    car = {"base": "f1tenth", "cg_height": 0.3, "mass": 1.2, "yaw_inertia": 0.012}
+    keywords = {"vehicle": car, "tyre": "load_sensitive", "speed": 1.0}
+    patched = LaneKeepScenario(patches={"friction": (0.9, 2.0)}, **keywords)
+    rough, smooth = LaneKeepScenario(friction=2.0, **keywords), LaneKeepScenario(**keywords)
+    assert patched.integration == rough.integration != smooth.integration
 
 
 def test_the_profile_asks_no_more_than_the_most_slippery_place_gives():
