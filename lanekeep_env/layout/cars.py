@@ -168,7 +168,10 @@ CHANGES_UNTIL = 136  # ... and from which on it is itself again
 DRAWN = 137  # what the episode drew of INVERSE_MASS to REAR_PEAK, DRAWN_SIZE rows ...
 DRAWN_SIZE = 6
 DRAWN_LAG = 143  # ... and the lag of the steering, s
-CAR_ROWS = 144  # further rows, as many as needed: commands (newest first), then the sensors' rows
+# Where the motor's way costs, at the start of the control step:
+MOTOR_BEFORE = 144  # motor angle, rad
+WHEEL_BEFORE = 145  # road-wheel angle, rad, while rewards are counted
+CAR_ROWS = 146  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the car (a uint64, reinterpreted)
