@@ -222,8 +222,8 @@ class LinearQuadraticGaussian(LinearQuadratic):
     """`lqg`: without the road ahead; its curvature at the car is estimated as well, and taken to stay as it is.
 
     ``steer`` is no optimum: the tuned 1e-3 has Ms up to 3.1 on CommonRoad's stiffer cars. This one, about the largest
-    that keeps Ms below 2 on all full-size cars, costs 1.3 % on Yin's, 2.2 % on the Passat and 2.3 % on CommonRoad's first
-    one (64 episodes).
+    that keeps Ms below 2 on all full-size cars, costs 1.3 % on Yin's, 2.2 % on the Passat, 2.3 % on CommonRoad's
+    first one (64 episodes).
     """
 
     name = "lqg"
