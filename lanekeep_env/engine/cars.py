@@ -102,7 +102,11 @@ class Cars:
     @property
     def _compiled(self) -> tuple[CarModel, Family]:
         """Model and family that kernels are made of."""
-        return self.scenario.model, self.family
+        if not self.scenario.motor_costs:
+            return self.scenario.model, self.family
+        from lanekeep_env.engine.effort import by_motor
+
+        return self.scenario.model, by_motor(self.family)
 
     def _stepper(self, which: int) -> Callable[..., None]:
         kernel = step_kernels(*self._compiled, self.num_actions)[which]

@@ -9,7 +9,7 @@ import numpy as np
 
 from lanekeep_env import layout as at
 from lanekeep_env.compile import helper, inline
-from lanekeep_env.engine.episode import GAIN, LAG, OFFSET, cars_in, draw_car, drawn, set_lag
+from lanekeep_env.engine.episode import GAIN, LAG, OFFSET, cars_in, drawn, set_lag
 from lanekeep_env.physics.numeric import like
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.physics.side_forces import side_weight, wind_force
@@ -58,13 +58,19 @@ def draw_disturbances(i, block, counted, settings):
     begins = np.floor(_between(draws, _CHANGE, settings[at.CHANGE_FROM], settings[at.CHANGE_TO]) + 0.5)
     lasts = np.floor(_between(draws, _LASTS, settings[at.CHANGE_SHORTEST], settings[at.CHANGE_LONGEST]) + 0.5)
     block[at.CHANGES_AT, i], block[at.CHANGES_UNTIL, i] = begins, begins + lasts
+    # The car that was drawn: by the time of a change the bounds of the draws may be others.
+    for row in range(at.DRAWN_SIZE):
+        block[at.DRAWN + row, i] = block[at.INVERSE_MASS + row, i]
+    block[at.DRAWN_LAG, i] = np.float64(settings[at.LAG]) * drawn(key, LAG, settings)
 
 
 @helper
 def dress(i, step, block, counted, settings):
     """Write the car that car i is in control step ``step`` of its episode: the one drawn, or what it has become."""
-    key, draws = _draws(i, counted)
-    draw_car(i, key, block, settings)
+    _, draws = _draws(i, counted)
+    for row in range(at.DRAWN_SIZE):
+        block[at.INVERSE_MASS + row, i] = block[at.DRAWN + row, i]
+    lag = np.float64(block[at.DRAWN_LAG, i])
     if block[at.CHANGES_AT, i] <= step and step < block[at.CHANGES_UNTIL, i]:
         mass, friction = _factor(draws, _MASS, settings), _factor(draws, _FRICTION, settings)
         block[at.INVERSE_MASS, i] /= mass
@@ -73,8 +79,8 @@ def dress(i, step, block, counted, settings):
         block[at.REAR_STIFFNESS, i] *= _factor(draws, _REAR, settings)
         block[at.FRONT_PEAK, i] *= mass * friction
         block[at.REAR_PEAK, i] *= mass * friction
-        lag = np.float64(settings[at.LAG]) * drawn(key, LAG, settings) * _factor(draws, _LAG, settings)
-        set_lag(i, lag, block, settings)
+        lag *= _factor(draws, _LAG, settings)
+    set_lag(i, lag, block, settings)
     bank = np.float64(block[at.BANK, i])
     block[at.SIDE_WEIGHT, i] = side_weight(1.0 / np.float64(block[at.INVERSE_MASS, i]), bank)
     block[at.FRONT_HOLD, i] = block[at.FRONT_PEAK, i] * np.cos(bank)

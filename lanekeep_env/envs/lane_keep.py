@@ -69,8 +69,8 @@ class LaneKeepEnv(RoadEnv, gym.Env):
     Every field of `lanekeep_env.LaneKeepScenario`: vehicle, dynamics, tyre, cornering_drag, friction, road, speed,
     action, max_steering_angle, max_steering_rate, start_lateral_error, start_course_error, lane_width,
     departure, bank, crosswind, gusts, gust_time, patches, changes, cost_weight, reference_steering_rate, cost_cap,
-    preview, preview_interval, observation, randomisation, sensors, control_step, episode_steps; and dtype ("float64" or
-    "float32"), the precision of the simulation.
+    effort, preview, preview_interval, observation, randomisation, sensors, control_step, episode_steps; and dtype
+    ("float64" or "float32"), the precision of the simulation.
 
     ```python
     gym.make("lanekeep/LaneKeep-v0", vehicle="commonroad-2", tyre="magic_formula", road="yin", preview=20)

@@ -165,7 +165,13 @@ REAR_HOLD = 133
 FRICTION_HERE = 134  # largest force of the front axle over its load on a level road
 CHANGES_AT = 135  # control step from which on the car is another, -1 for never ...
 CHANGES_UNTIL = 136  # ... and from which on it is itself again
-CAR_ROWS = 137  # further rows, as many as needed: commands (newest first), then the sensors' rows
+DRAWN = 137  # what the episode drew of INVERSE_MASS to REAR_PEAK, DRAWN_SIZE rows ...
+DRAWN_SIZE = 6
+DRAWN_LAG = 143  # ... and the lag of the steering, s
+# Where the motor's way costs, at the start of the control step:
+MOTOR_BEFORE = 144  # motor angle, rad
+WHEEL_BEFORE = 145  # road-wheel angle, rad, while rewards are counted
+CAR_ROWS = 146  # further rows, as many as needed: commands (newest first), then the sensors' rows
 
 # counters: (rows, n) int64
 KEY = 0  # base key of the car (a uint64, reinterpreted)

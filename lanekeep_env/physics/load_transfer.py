@@ -20,6 +20,7 @@ u / (C tan(asin(u) / C)) of it, which is 1 - (1 + 2/C²)/3 (1 - sqrt(1 - u²)) t
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from lanekeep_env import layout as at
@@ -50,6 +51,22 @@ def numbers_of(car: VehicleParameters) -> dict[int, float]:
         at.STIFFNESS_SENSITIVITY: car.stiffness_load_sensitivity,
         at.HALF_TRACK: 0.5 * car.track,
     }
+
+
+def largest_across(car: VehicleParameters, grip: float, mass: float) -> float:
+    """Return the lateral acceleration that tyres bear at a steady speed, m/s², where they would bear ``grip`` alike.
+
+    The axle's that gives way first: a = grip (1 - k (n (1 + e²) - 1)) with e in proportion to a; ``mass`` is n.
+    """
+    k, least, mass = car.friction_load_sensitivity, grip, min(mass, MOST_LOADED)
+    axles = (car.front_roll_stiffness, car.cg_to_rear_axle), (1.0 - car.front_roll_stiffness, car.cg_to_front_axle)
+    for share, other in axles:
+        level = grip * (1.0 - k * (mass - 1.0))
+        lift = 2.0 * share * car.height * car.wheelbase / (car.track * GRAVITY * other)
+        bent = grip * k * mass * lift * lift
+        across = 2.0 * level / (1.0 + math.sqrt(1.0 + 4.0 * bent * level))
+        least = min(least, across if lift * across < 1.0 else level - grip * k * mass)
+    return least
 
 
 @inline

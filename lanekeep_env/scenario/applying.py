@@ -8,9 +8,10 @@ from typing import Any
 
 from lanekeep_env.randomisation import RANDOMISATIONS, Randomisation
 from lanekeep_env.registration import ENVIRONMENTS
+from lanekeep_env.scenario.lane_keep import TYRES
 
 #: Choices that decide what a scenario's car knows of, beside its vehicle.
-_CHOICES: dict[str, tuple[str, ...]] = {"dynamics": ("dynamic", "kinematic"), "tyre": ("linear", "magic_formula")}
+_CHOICES: dict[str, tuple[str, ...]] = {"dynamics": ("dynamic", "kinematic"), "tyre": TYRES}
 
 
 #: The randomised numbers that a named set draws.

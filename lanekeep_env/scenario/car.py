@@ -29,6 +29,8 @@ from lanekeep_env.scenario.base import ScenarioRecord
 from lanekeep_env.scenario.effects import Need
 
 ACTIONS = {"steering_angle": at.STEERING_ANGLE, "steering_rate": at.STEERING_RATE}
+#: Whose speed costs.
+EFFORTS = ("road_wheel", "motor")
 #: Shortest control step, s.
 SHORTEST_STEP = 0.001
 #: Longest episode, control steps.
@@ -79,6 +81,8 @@ class CarScenario(ScenarioRecord):
         cost_weight: of the running cost's second term, without unit.
         reference_steering_rate: of the road wheel, rad/s, in the running cost's second term.
         cost_cap: 1/s, the most that the running cost is.
+        effort: whose speed the running cost's second term counts: "road_wheel", or the steering's "motor" (in terms of
+            the road wheel), which moves inside the gear's gap as well. With backlash only.
         observation: "measured" (what sensors give) or "full" (adds channels of the true state).
         randomisation: what differs from episode to episode: "nominal", "mismatch", "stress" or a mapping of
             bounds (see `Randomisation`).
@@ -96,6 +100,7 @@ class CarScenario(ScenarioRecord):
     cost_weight: float = 1.0
     reference_steering_rate: float = 0.1
     cost_cap: float = 16.0
+    effort: str = "road_wheel"
     observation: str = "measured"
     randomisation: Randomisation = field(default_factory=Randomisation)
     episode_steps: int = 600
@@ -119,6 +124,13 @@ class CarScenario(ScenarioRecord):
             "cost_weight=0 takes that term away",
             lambda s: s.cost_weight > 0.0,
         ),
+        Need(
+            "effort",
+            "whose speed costs",
+            "vehicle.steering.backlash=0 leaves motor and road wheel no gap",
+            lambda s: s.vehicle.steering.backlash > 0.0,
+        ),
+        Need("effort", "whose speed costs", "cost_weight=0 takes that term away", lambda s: s.cost_weight > 0.0),
         Need("speed.hold", "time of a set speed", "all set speeds are the same", _varies, neutral=(None,)),
         Need(
             "speed.lateral_acceleration",
@@ -162,6 +174,7 @@ class CarScenario(ScenarioRecord):
         require("cost_weight", self.cost_weight, "", at_least=0.0, at_most=1e6)
         require("reference_steering_rate", self.reference_steering_rate, "rad/s", at_least=1e-4, at_most=1e3)
         require("cost_cap", self.cost_cap, "1/s", at_least=1e-6, at_most=1e6)
+        choose("effort", self.effort, EFFORTS)
         choose("observation", self.observation, ("measured", "full"))
         require("control_step", self.control_step, "s", at_least=SHORTEST_STEP, at_most=1.0)
         multiple_of_step("vehicle.steering.delay", self.vehicle.steering.delay, self.base_step)
@@ -218,6 +231,11 @@ class CarScenario(ScenarioRecord):
     def largest_angle(self) -> float:
         """Largest angle of the road wheel that can be commanded, rad."""
         return min(self.max_steering_angle, self.vehicle.steering.angle_limit or math.inf)
+
+    @property
+    def motor_costs(self) -> bool:
+        """Whether the motor's way costs, and not the road wheel's, which is another one."""
+        return self.effort == "motor" and self.vehicle.steering.backlash > 0.0
 
     @property
     def widest_angle(self) -> float:

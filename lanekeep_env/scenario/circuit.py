@@ -54,9 +54,9 @@ class CircuitScenario(WallFollowScenario):
         Need("side_sensor", "place of the side ultrasonics", "on circuits they sit half-way between the axles", never),
         *(
             Need(name, "of the running cost", "time is what costs here", never)
-            for name in ("reference_lateral_error", "cost_weight", "reference_steering_rate", "cost_cap")
+            for name in ("reference_lateral_error", "cost_weight", "reference_steering_rate", "cost_cap", "effort")
         ),
-        *(need for need in WallFollowScenario._needs if not need.field.startswith("speed.")),
+        *(n for n in WallFollowScenario._needs if not n.field.startswith("speed.") and n.field != "effort"),
     )
 
     def _check(self) -> None:

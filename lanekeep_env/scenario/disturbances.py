@@ -13,6 +13,7 @@ from typing import Any
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import from_mapping, plain_numbers, require, shown
+from lanekeep_env.physics.load_transfer import largest_across
 from lanekeep_env.physics.parameters import AIR_DENSITY, GRAVITY
 from lanekeep_env.randomisation import FRICTION, FRICTION_SHARE, LAG, TYRES, Randomisation, Range
 from lanekeep_env.scenario.base import Channel
@@ -150,6 +151,8 @@ def check(scenario: Any) -> None:
         return
     grip = scenario.friction * scenario.occurring.friction[0] * lowest_patch(scenario) * GRAVITY
     turns = min(scenario.speed.lateral_limit * scenario.randomisation.speed[1] ** 2, FRICTION_SHARE * grip)
+    if scenario.model.transfers_load:
+        grip = largest_across(scenario.vehicle, grip, scenario.occurring.mass[1])
     bank = math.sin(max(map(abs, scenario.bank))) * GRAVITY
     area, _ = scenario.vehicle.wind
     across = max(map(abs, scenario.crosswind)) + _WORST_GUST * scenario.gusts
@@ -166,6 +169,11 @@ def check(scenario: Any) -> None:
 def lowest_patch(scenario: Any) -> float:
     """Factor of the friction on the most slippery patch, 1 off any."""
     return 1.0 if scenario.patches is None else min(1.0, scenario.patches.friction[0])
+
+
+def grippiest_patch(scenario: Any) -> float:
+    """Factor of the friction on the least slippery patch, 1 off any."""
+    return 1.0 if scenario.patches is None else max(1.0, scenario.patches.friction[1])
 
 
 def widened(drawn: Randomisation, changes: Changes | None) -> Randomisation:

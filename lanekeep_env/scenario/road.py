@@ -146,7 +146,13 @@ class RoadScenario(CarScenario):
     def integration(self) -> Integration:
         """Integration step, s, and slip-speed floor, m/s, of the cars of all episodes."""
         if self.model.slips:
-            pull = LARGEST_ALONG * GRAVITY * self._friction * self.occurring.friction[1]
+            pull = (
+                LARGEST_ALONG
+                * GRAVITY
+                * self._friction
+                * self.occurring.friction[1]
+                * disturbances.grippiest_patch(self)
+            )
             return slipping(
                 self.vehicle,
                 self.occurring,

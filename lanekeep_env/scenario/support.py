@@ -46,6 +46,7 @@ class LaneSupportScenario(LaneKeepScenario):
     _needs: ClassVar[tuple[Need, ...]] = (
         Need("reference_lateral_error", "of the running cost", "where in the lane the driver drives is free", never),
         Need("reference_steering_rate", "of the running cost", "the assistant's angle costs, not its rate", never),
+        Need("effort", "whose speed costs", "the assistant's angle costs, no speed", never),
         Need(
             "reference_assistance", "of the running cost", "cost_weight=0 takes it away", lambda s: s.cost_weight > 0.0
         ),
@@ -54,7 +55,7 @@ class LaneSupportScenario(LaneKeepScenario):
             for name in ("shortest_lapse", "longest_lapse")
         ),
         Need("driver.wander_time", "of a driver's wandering", "this one does not wander", lambda s: s.driver.wanders),
-        *(need for need in LaneKeepScenario._needs if need.field != "reference_steering_rate"),
+        *(need for need in LaneKeepScenario._needs if need.field not in ("reference_steering_rate", "effort")),
     )
 
     def _check(self) -> None:

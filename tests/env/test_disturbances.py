@@ -320,10 +320,10 @@ def step_response(env, wait, steps=60):
     return np.array([seen["lateral_error"][wait:], seen["yaw_rate"][wait:], seen["steering_angle"][wait:]])
 
 
-@pytest.mark.parametrize("tyre", ["linear", "magic_formula"])
+@pytest.mark.parametrize("tyre", ["linear", "magic_formula", "load_sensitive"])
 def test_a_changed_car_drives_as_one_that_was_so_from_the_start(tyre):
     factors = {"mass": 1.25, "front_cornering_stiffness": 0.8, "rear_cornering_stiffness": 0.75, "steering_lag": 2.0}
-    factors |= {"friction": 0.55} if tyre == "magic_formula" else {}
+    factors |= {"friction": 0.55} if tyre != "linear" else {}
     keywords = {"speed": 25.0, "tyre": tyre}
     born = step_response(made(randomisation=factors, **keywords), 20)
     became = step_response(made(changes={**factors, "time": 1.0}, **keywords), 20)
@@ -353,6 +353,25 @@ def test_a_change_multiplies_what_the_episode_drew_and_comes_at_its_time():
     share = np.array([seen[low[:, i], i][0] / seen[0, i] for i in range(n)])
     assert share.min() > 0.5 - 1e-6 and share.max() < 0.7 + 1e-6 and share.std() > 0.04
     np.testing.assert_array_equal(seen[-1], seen[0])
+
+
+def test_a_car_that_changes_stays_the_one_that_was_drawn():
+    """What `narrow` says holds from the next episode on, and so does what another car is reset with."""
+    keywords = {"randomisation": {"friction": (0.5, 1.0), "speed": (0.8, 1.0)}, "changes": {"mass": 1.1, "time": 1.0}}
+    keywords |= {**STRAIGHT, "speed": 20.0, "tyre": "magic_formula"}
+    envs = gym.make_vec("lanekeep/LaneKeep-v0", 2, "vector_entry_point", **keywords).unwrapped
+    names = [c.name for c in envs.channels]
+    columns = names.index("friction"), names.index("speed")
+    envs.reset(seed=3)
+    seen = []
+    for step in range(40):
+        if step == 10:
+            envs.reset(options={"friction": 0.5, "speed": 0.8, "reset_mask": np.array([False, True])})
+        seen.append(envs.step(np.zeros((2, 1), np.float32))[0][:, columns])
+    seen = np.array(seen)
+    assert (seen[:, 0] == seen[0, 0]).all() and (seen[11:, 1] == seen[11, 1]).all()
+    np.testing.assert_allclose(seen[-1, 1], [0.5, 16.0], rtol=1e-6)
+    assert seen[0, 0, 0] > 0.51 and seen[0, 0, 1] > 16.1
 
 
 @pytest.mark.parametrize("name", ["RoadWorks", "LaneSupport", "Evasive", "Drive", "Traffic"])
@@ -452,6 +471,15 @@ def test_all_cars_that_occur_are_judged():
     car = {"vehicle": "pses", "speed": 1.0, "max_steering_angle": 0.15}
     drawn, becomes = LaneKeepScenario(randomisation=factors, **car), LaneKeepScenario(changes=factors, **car)
     assert becomes.integration == drawn.integration != LaneKeepScenario(**car).integration
+
+
+def test_patches_that_grip_more_are_judged_as_a_road_that_does():
+    """A tall, light car's loads move the more the harder it may brake."""
+    car = {"base": "f1tenth", "cg_height": 0.3, "mass": 1.2, "yaw_inertia": 0.012}
+    keywords = {"vehicle": car, "tyre": "load_sensitive", "speed": 1.0}
+    patched = LaneKeepScenario(patches={"friction": (0.9, 2.0)}, **keywords)
+    rough, smooth = LaneKeepScenario(friction=2.0, **keywords), LaneKeepScenario(**keywords)
+    assert patched.integration == rough.integration != smooth.integration
 
 
 def test_the_profile_asks_no_more_than_the_most_slippery_place_gives():

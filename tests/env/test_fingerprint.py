@@ -15,6 +15,7 @@ from numba.core.dispatcher import Dispatcher
 
 import lanekeep_env
 from lanekeep_env.compile import inline, kernel
+from lanekeep_env.engine.effort import by_motor
 from lanekeep_env.engine.step import reset_kernel, step_kernels
 from lanekeep_env.families.road.cars import RoadCars
 from lanekeep_env.families.road.disturbed import disturbed
@@ -73,6 +74,7 @@ KERNELS += [reset_kernel(family) for family in FAMILIES]
 DISTURBED = [disturbed(family, RoadCars.axle_rows, RoadCars.asked_rows) for family in (ON_ROADS, DRIVING)]
 for model, family, n in zip((models.LINEAR, models.POWERED), DISTURBED, (1, 2), strict=True):
     KERNELS += [*step_kernels(models.with_pushes(model), family, n), reset_kernel(family)]
+KERNELS += step_kernels(models.LINEAR, by_motor(ON_ROADS), 1)
 
 
 def fingerprints():

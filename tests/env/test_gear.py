@@ -211,3 +211,81 @@ def test_wrong_gears_are_named(steering, words):
         with pytest.raises(ValueError) as caught:
             gym.make(name, vehicle={"steering": steering})
         assert "\n" not in str(caught.value) and all(word in str(caught.value) for word in words)
+
+
+def costs(name, effort, actions, **keywords):
+    """Rewards, and everything else that environments tell, (steps, ...) each."""
+    env = gym.make(name, effort=effort, departure="off", **keywords)
+    env.reset(seed=2)
+    rewards, seen = [], []
+    for action in actions:
+        observation, reward, _, _, info = env.step(np.full(env.action_space.shape, action, np.float32))
+        rewards.append(reward)
+        seen.append(np.concatenate([observation, [value for key, value in info.items() if np.isscalar(value)]]))
+    return np.array(rewards), np.array(seen, dtype=float), env.unwrapped
+
+
+@pytest.mark.parametrize("disturbance", [{}, {"changes": {"mass": 1.2, "time": 0.2}}])
+def test_a_motor_that_turns_inside_the_gap_costs_its_speed(disturbance):
+    """The road wheel stands; the motor goes c (1 - exp(-t/T)), whose mean speed of each step counts."""
+    lag, dt, command, weight, reference = 0.3, 0.05, 0.01, 2.0, 0.05
+    steering = {"lag": lag, "rate_limit": None, "delay": 0.0, "backlash": 0.04, "feedback": "motor"}
+    keywords = {"vehicle": {"steering": steering}, "road": "straight", "speed": 20.0, "control_step": dt, **disturbance}
+    keywords |= {"start_lateral_error": 0.0, "start_course_error": 0.0, "max_steering_angle": 0.1}
+    keywords |= {"cost_weight": weight, "reference_steering_rate": reference}
+    actions = [command / 0.1] * 30
+    rewards, seen, _ = costs(LANE, "motor", actions, **keywords)
+    motor = command * (1.0 - np.exp(-dt * np.arange(31) / lag))
+    np.testing.assert_allclose(rewards, -weight * (np.diff(motor) / dt / reference) ** 2 * dt, rtol=1e-6)
+    free, same, _ = costs(LANE, "road_wheel", actions, **keywords)
+    assert (free == 0.0).all()
+    np.testing.assert_array_equal(seen, same)
+
+
+@pytest.mark.parametrize("feedback", ["road_wheel", "motor"])
+def test_by_camera_the_motor_s_speed_costs_and_nothing_else_changes(feedback):
+    actions = np.random.default_rng(1).uniform(-0.3, 0.3, 60)
+    steering = {"lag": 0.25, "rate_limit": RATE, "angle_limit": 0.6, "backlash": 0.035, "feedback": feedback}
+    keywords = {"vehicle": {"base": "van", "steering": steering}, "observation": "full", "episode_steps": 100}
+    rewards, seen, env = costs(CAMERA, "motor", actions, **keywords)
+    scenario = env.scenario
+    motor = np.append(0.0, seen[:, [c.name for c in env.channels].index("motor_angle")])
+    usual, same, _ = costs(CAMERA, "road_wheel", actions, **keywords)
+    np.testing.assert_array_equal(seen, same)
+    info = dict(zip(env.step(np.zeros(1, np.float32))[4], range(100), strict=False))
+    errors, rates = (seen[:, len(env.channels) + info[key]] for key in ("lateral_error", "steering_rate"))
+    seconds = scenario.control_step
+    for found, speeds in ((rewards[1:], np.diff(motor)[1:] / seconds), (usual[1:], rates[1:])):
+        cost = (errors[1:] / scenario.reference_lateral_error) ** 2 + (speeds / scenario.reference_steering_rate) ** 2
+        np.testing.assert_allclose(found, -np.minimum(cost, scenario.cost_cap) * seconds, rtol=1e-4, atol=1e-6)
+    assert np.abs(rewards - usual).max() > 1e-3
+
+
+def test_between_walls_as_well_and_many_cars_cost_what_one_does():
+    steering = {"lag": 0.1, "backlash": 0.1, "feedback": "motor"}
+    keywords = {"vehicle": {"base": "knightriders", "steering": steering}, "effort": "motor", "contact": "off"}
+    many = gym.make_vec("lanekeep/WallFollow-v0", 3, "vector_entry_point", **keywords)
+    one = gym.make("lanekeep/WallFollow-v0", **keywords)
+    plain = gym.make("lanekeep/WallFollow-v0", **{**keywords, "effort": "road_wheel"})
+    many.reset(seed=4), one.reset(seed=5), plain.reset(seed=5)
+    less = 0.0
+    for action in np.random.default_rng(0).uniform(-0.3, 0.3, 40).astype(np.float32):
+        rewards = many.step(np.full((3, 1), action))[1]
+        (_, reward, _, _, info), (_, other, _, _, same) = one.step(np.array([action])), plain.step(np.array([action]))
+        assert reward == rewards[1] and info == same
+        less = max(less, abs(other - reward))
+    assert less > 1e-4
+
+
+def test_without_a_gap_or_a_cost_it_is_refused():
+    gap = {"vehicle": {"steering": {"lag": 0.1, "backlash": 0.02}}}
+    for name, keywords, words in (
+        (LANE, {}, "backlash=0"),
+        (LANE, {**gap, "cost_weight": 0.0}, "cost_weight=0"),
+        ("lanekeep/LaneSupport-v0", gap, "assistant"),
+        ("lanekeep/Circuit-v0", {}, "time is what costs"),
+    ):
+        with pytest.raises(ValueError, match=f"effort='motor' .*has no effect.*{words}"):
+            gym.make(name, effort="motor", **keywords)
+    with pytest.raises(ValueError, match="effort='wheel' "):
+        gym.make(LANE, effort="wheel")

@@ -205,6 +205,29 @@ def test_axles_are_the_sum_of_their_wheels(pull, across):
         assert loaded[6 + axle] * math.sin(0.75 * math.pi) == pytest.approx(peak, rel=1e-3)
 
 
+@pytest.mark.parametrize("name", ["yin", "van", "f1tenth"])
+@pytest.mark.parametrize("factor, friction", [(1.0, 1.0), (1.3, 0.6), (1.0, 3.0)])
+def test_tyres_bear_what_their_wheels_bear(name, factor, friction):
+    """Axle by axle the acceleration at which both wheels' peaks are the axle's share of the mass."""
+    car = VEHICLES[name]
+
+    def left_over(across, axle):
+        base, arms = car.wheelbase, (car.cg_to_rear_axle, car.cg_to_front_axle)
+        rest, share = (
+            0.5 * car.mass * 9.81 * arms[axle] / base,
+            (car.front_roll_stiffness, 1 - car.front_roll_stiffness),
+        )
+        moved = min(share[axle] * factor * car.mass * across * car.height / car.track, factor * rest)
+        peaks = [
+            friction * load * (1.0 - car.friction_load_sensitivity * (load / rest - 1.0))
+            for load in (factor * rest - moved, factor * rest + moved)
+        ]
+        return sum(peaks) - factor * car.mass * arms[axle] / base * across
+
+    expected = min(brentq(left_over, 0.1, 9.81 * friction + 1.0, args=(axle,)) for axle in (0, 1))
+    assert load_transfer.largest_across(car, 9.81 * friction, factor) == pytest.approx(expected, rel=1e-6)
+
+
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8, 0.94])
 def test_combined_slip_is_that_of_similar_tyres(share):
     """A tyre that gives ``share`` of its friction along, its force against its slip: at small slip, and at much."""
@@ -355,5 +378,9 @@ def test_named_in_errors():
         LaneKeepScenario.from_keywords(cornering_drag=True)
     with pytest.raises(ValueError, match="cornering_drag=1 is not allowed"):
         LaneKeepScenario.from_keywords(tyre="magic_formula", cornering_drag=1)
+    fast = {"speed": {"lateral_acceleration": 9.0}, "bank": 0.19}
+    LaneKeepScenario.from_keywords(tyre="magic_formula", **fast)
+    with pytest.raises(ValueError, match=r"bank=.* least friction gives 9.1 m/s² in all"):
+        LaneKeepScenario.from_keywords(tyre="load_sensitive", **fast)
     with pytest.raises(ValueError, match="friction_load_sensitivity"):
         vehicle_from({"friction_load_sensitivity": 0.5})

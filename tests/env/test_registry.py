@@ -54,6 +54,7 @@ ON_A_ROAD = {
     "cost_weight": [0.5],
     "reference_steering_rate": [0.2],
     "cost_cap": [20.0],
+    "effort": ["motor"],
     "preview_interval": [0.2],
     "departure": ["cost", "off"],
     "preview": [4],
@@ -76,7 +77,7 @@ BY_CAMERA = {
     **{
         key: ON_A_ROAD[key] for key in ("action", "departure", "observation", "randomisation", "dtype", "episode_steps")
     },
-    **{key: ON_A_ROAD[key] for key in ("cost_weight", "cost_cap", "max_steering_angle", "max_steering_rate")},
+    **{key: ON_A_ROAD[key] for key in ("cost_weight", "cost_cap", "effort", "max_steering_angle", "max_steering_rate")},
     **NONE_WITHOUT_SLIP,
     "changes": [{"steering_lag": 2.0, "time": 0.5}],
     "vehicle": ["yin", {"base": "van", "steering": {"lag": 0.1, "delay": 0.05, "backlash": 0.1, "feedback": "motor"}}],
@@ -117,6 +118,7 @@ BETWEEN_WALLS = {
     "max_steering_rate": [1.0],
     "steering_offset": [0.02, (-0.1, 0.03)],
     "servo": [{"left": 0.35, "right": 0.3, "ticks": 50}, {"angles": (-0.35, -0.2, 0.03, 0.1, 0.3)}],
+    "effort": [],  # takes another car with backlash: see test_gear
     "set_distance": [0.7],
     "side_sensor": [0.14],
     "start_lateral_error": [0.05],
@@ -142,7 +144,10 @@ EVASIVE = {
 }
 SUPPORTING = {
     **ON_A_ROAD,
-    **{key: [] for key in ("action", "max_steering_rate", "reference_lateral_error", "reference_steering_rate")},
+    **{
+        key: []
+        for key in ("action", "max_steering_rate", "reference_lateral_error", "reference_steering_rate", "effort")
+    },
     "road": ["yin", {"kind": "circle", "radius": 400.0}],
     "speed": [25.0, {"lateral_acceleration": 1.5, "maximum": 30.0}],
     "lane_width": [3.5],
@@ -194,7 +199,7 @@ AMONG_OTHERS = {
 IN_A_CIRCUIT = {
     **BETWEEN_WALLS,
     **{key: [] for key in ("speed", "set_distance", "side_sensor", "reference_lateral_error")},  # have no effect
-    **{key: [] for key in ("cost_weight", "reference_steering_rate", "cost_cap")},
+    **{key: [] for key in ("cost_weight", "reference_steering_rate", "cost_cap", "effort")},
     "max_speed": [1.0],
     "max_acceleration": [1.0],
     "laps": [2],
@@ -249,6 +254,7 @@ BESIDE = {
     "gust_time": {"gusts": 2.0},
     "cornering_drag": {"tyre": "magic_formula"},
     "max_steering_rate": {"action": "steering_rate"},
+    "effort": {"vehicle": {"steering": {"lag": 0.1, "backlash": 0.02}}},
     "preview_interval": {"preview": 4},
 }
 
@@ -372,7 +378,7 @@ def test_channels_name_the_observation(name):
 FAMILIES = ("lanekeep/LaneKeep-v0", "lanekeep/Circuit-v0")
 #: Options whose values decide what is compiled: each combination may be a kernel of its own.
 DISTURBING = ("bank", "crosswind", "gusts", "patches", "changes")
-COMPILED = ("vehicle", "dynamics", "tyre", "servo", "scan", "sensors", "dtype", *DISTURBING)
+COMPILED = ("vehicle", "effort", "dynamics", "tyre", "servo", "scan", "sensors", "dtype", *DISTURBING)
 #: Pairs of those take a minute an id to compile.
 PAIRED = pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
 

@@ -36,6 +36,7 @@ WORDS: dict[str, list[Any]] = {
     "dynamics": ["dynamic", "kinematic"],
     "tyre": ["linear", "magic_formula", "load_sensitive"],
     "action": ["steering_angle", "steering_rate"],
+    "effort": ["road_wheel", "motor"],
     "departure": ["terminate", "cost", "off"],
     "contact": ["terminate", "cost", "off"],
     "observation": ["measured", "full"],

@@ -95,11 +95,12 @@ class RoadCars(Cars):
 
     @property
     def _compiled(self) -> tuple[CarModel, Family]:
+        model, family = super()._compiled
         if not self.scenario.disturbed:
-            return super()._compiled
+            return model, family
         from lanekeep_env.families.road.disturbed import disturbed
 
-        model, family = self.scenario.model, disturbed(self.family, self.axle_rows, self.asked_rows)
+        family = disturbed(family, self.axle_rows, self.asked_rows)
         return with_pushes(model) if self.scenario.pushed else model, family
 
     def _drive(self) -> tuple[np.ndarray | None, ...]:
