@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.utils import seeding
 
 from lanekeep_env import layout as at
-from lanekeep_env.engine.packed import Packed
+from lanekeep_env.engine.packed import Packed, own
 from lanekeep_env.engine.reset_options import DRAWN, bounds, split, start_rows
 from lanekeep_env.engine.step import Family, reset_kernel, step_kernels
 from lanekeep_env.engine.threads import Faster
@@ -201,7 +201,7 @@ class Cars:
         return {k: v for k, v in self.__dict__.items() if k not in _NOT_KEPT}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
+        self.__dict__.update(own(state))
         self._bind()
 
 
