@@ -10,11 +10,12 @@ import numpy as np
 from gymnasium.utils import seeding
 
 from lanekeep_env import layout as at
-from lanekeep_env.engine.packed import Packed, own
+from lanekeep_env.engine.packed import Packed
 from lanekeep_env.engine.reset_options import DRAWN, bounds, split, start_rows
 from lanekeep_env.engine.step import Family, reset_kernel, step_kernels
 from lanekeep_env.engine.threads import Faster
 from lanekeep_env.physics.models import CarModel
+from lanekeep_env.plain import own
 from lanekeep_env.sensing.measure import TRUTH
 
 #: Cars that are advanced together: enough for SIMD, few enough for the first-level cache.

@@ -58,13 +58,6 @@ def _words(part: Any) -> Iterator[int]:
         yield int(np.float64(part).view(np.int64))
 
 
-def own(kept: dict[str, Any]) -> dict[str, Any]:
-    """Return what a pickle kept, with arrays that kernels can write: from shared memory they come as they lie there."""
-    return {
-        k: np.require(v, requirements=("C", "A", "W", "E")) if isinstance(v, np.ndarray) else v for k, v in kept.items()
-    }
-
-
 def unpack(packed: Packed) -> tuple[Any, ...]:
     """Return what is packed."""
     return packed.parts

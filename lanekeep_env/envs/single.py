@@ -12,9 +12,9 @@ from gymnasium.spaces import Box
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
-from lanekeep_env.engine.packed import own
 from lanekeep_env.envs.skin import RENDER_MODES, Skin, check_modes, observation_space, seed_from
 from lanekeep_env.layout import O_REWARD, O_SUCCESS, O_TERMINATED, O_TRUNCATED
+from lanekeep_env.plain import own
 from lanekeep_env.rendering.window import Window
 
 #: Views, which would come back from a pickle as copies, and functions.
