@@ -1,4 +1,4 @@
-"""What files of others hold, as plain values: JSON as its standard has it, and arrays without a pickle; all bounded; arrays of pickles."""
+"""What files and pickles of others hold, as plain values: JSON as its standard has it, and arrays; all bounded."""
 
 from __future__ import annotations
 
