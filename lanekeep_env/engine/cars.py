@@ -22,7 +22,7 @@ from lanekeep_env.sensing.measure import TRUTH
 BLOCK = 256
 
 #: What `_bind` fetches.
-_NOT_KEPT = ("ground", "index", "equipment", "packed", "step", "step_parallel", "_reset")
+_NOT_KEPT = ("ground", "index", "equipment", "packed", "run", "run_parallel", "_reset")
 
 
 class Cars:
@@ -90,24 +90,32 @@ class Cars:
         """What kernels are given beside the outcome."""
         return Packed(*self.state, self.action.reshape(-1), self.observation)
 
+    @property
+    def step(self) -> Any:
+        """The kernel of a control step, with what numba tells of it (`stats`); `run` is what to call."""
+        return self._kernels[0]
+
     @cached_property
-    def step(self) -> Callable[..., None]:
-        """The kernel of a control step, compiled: (packed.handle, first block, the one behind the last, outcome)."""
+    def run(self) -> Callable[..., None]:
+        """That kernel, compiled: (packed.handle, first block, the one behind the last, outcome)."""
         return self._stepper(0)
 
     @cached_property
-    def step_parallel(self) -> Callable[..., None]:
+    def run_parallel(self) -> Callable[..., None]:
         """The same on several threads, where they are faster."""
-        return Faster(self.step, self._stepper(1))
+        return Faster(self.run, self._stepper(1))
 
     @property
     def _compiled(self) -> tuple[CarModel, Family]:
         """Model and family that kernels are made of."""
         return self.scenario.model, self.family
 
+    @property
+    def _kernels(self) -> tuple[Callable[..., Any], Callable[..., Any]]:
+        return step_kernels(*self._compiled, self.num_actions)
+
     def _stepper(self, which: int) -> Callable[..., None]:
-        kernel = step_kernels(*self._compiled, self.num_actions)[which]
-        return self.packed.entry(kernel, 0, len(self.cars), self.new_outcome())
+        return self.packed.entry(self._kernels[which], 0, len(self.cars), self.new_outcome())
 
     @cached_property
     def _reset(self) -> Callable[..., None]:

@@ -82,7 +82,7 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
         self._action, self._look, self._tell = core.action[0], core.observation[0].copy, self._outcome[:, 0].tolist
         if core.seeded:
             self._arguments = core.packed.handle, 0, 1, self._outcome
-            self._step = core.step
+            self._step = core.run
 
     def __getstate__(self) -> dict[str, Any]:
         kept = {k: v for k, v in self.__dict__.items() if k not in _NOT_KEPT}

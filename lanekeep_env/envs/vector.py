@@ -151,10 +151,10 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         outcome = core.new_outcome()
         arguments = core.packed.handle, 0, len(core.cars), outcome
         if self._threads == 1:
-            core.step(*arguments)
+            core.run(*arguments)
         else:
             numba.set_num_threads(self._threads)
-            core.step_parallel(*arguments)
+            core.run_parallel(*arguments)
         told = outcome[: core.outcome_rows] if self._same_step else outcome
         terminated, truncated, success = told[at.O_FLAGS] > 0.0
         termination = told[at.O_TERMINATED].astype(np.int64)
