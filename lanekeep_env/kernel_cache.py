@@ -15,6 +15,7 @@ import re
 import sys
 import time
 import uuid
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,8 @@ class KernelCache:
         """Return the compiled code for ``signature``, or None where none is kept that can be used."""
         found = self._kept(signature, target_context)
         if found is None and not self._compiled.targetoptions.get("no_cpython_wrapper"):
-            _tell()  # of a kernel that is waited for; what it calls is part of that
+            with suppress(Exception):  # a stream of somebody's own, or no home
+                _tell()  # of a kernel that is waited for; what it calls is part of that
         return found
 
     def _kept(self, signature: Any, target_context: Any) -> Any:

@@ -1,4 +1,4 @@
-"""What files of others hold, as plain values: JSON as its standard has it, and arrays without a pickle; all bounded."""
+"""What files and pickles of others hold, as plain values: JSON as its standard has it, and arrays; all bounded."""
 
 from __future__ import annotations
 
@@ -118,6 +118,13 @@ def read_arrays(path: str | Path, largest: int) -> dict[str, np.ndarray]:
         raise ValueError(_one_line(error)) from None
     except Exception as error:  # zipfile, zlib and what an array's header can bring NumPy to: errors of many kinds
         raise ValueError(f"it is not a whole .npz file ({_one_line(error) or type(error).__name__})") from None
+
+
+def own(kept: dict[str, Any]) -> dict[str, Any]:
+    """Return what a pickle kept, with arrays that kernels can write: from shared memory they come as they lie there."""
+    return {
+        k: np.require(v, requirements=("C", "A", "W", "E")) if isinstance(v, np.ndarray) else v for k, v in kept.items()
+    }
 
 
 def _array(name: str, data: bytes) -> np.ndarray:

@@ -15,13 +15,14 @@ from lanekeep_env.engine.reset_options import DRAWN, bounds, split, start_rows
 from lanekeep_env.engine.step import Family, reset_kernel, step_kernels
 from lanekeep_env.engine.threads import Faster
 from lanekeep_env.physics.models import CarModel
+from lanekeep_env.plain import own
 from lanekeep_env.sensing.measure import TRUTH
 
 #: Cars that are advanced together: enough for SIMD, few enough for the first-level cache.
 BLOCK = 256
 
 #: What `_bind` fetches.
-_NOT_KEPT = ("ground", "index", "equipment", "packed", "step", "step_parallel", "_reset")
+_NOT_KEPT = ("ground", "index", "equipment", "packed", "run", "run_parallel", "_reset")
 
 
 class Cars:
@@ -89,15 +90,20 @@ class Cars:
         """What kernels are given beside the outcome."""
         return Packed(*self.state, self.action.reshape(-1), self.observation)
 
+    @property
+    def step(self) -> Any:
+        """The kernel of a control step, with what numba tells of it (`stats`); `run` is what to call."""
+        return self._kernels[0]
+
     @cached_property
-    def step(self) -> Callable[..., None]:
-        """The kernel of a control step, compiled: (packed.handle, first block, the one behind the last, outcome)."""
+    def run(self) -> Callable[..., None]:
+        """That kernel, compiled: (packed.handle, first block, the one behind the last, outcome)."""
         return self._stepper(0)
 
     @cached_property
-    def step_parallel(self) -> Callable[..., None]:
+    def run_parallel(self) -> Callable[..., None]:
         """The same on several threads, where they are faster."""
-        return Faster(self.step, self._stepper(1))
+        return Faster(self.run, self._stepper(1))
 
     @property
     def _compiled(self) -> tuple[CarModel, Family]:
@@ -108,9 +114,12 @@ class Cars:
 
         return self.scenario.model, by_motor(self.family)
 
+    @property
+    def _kernels(self) -> tuple[Callable[..., Any], Callable[..., Any]]:
+        return step_kernels(*self._compiled, self.num_actions)
+
     def _stepper(self, which: int) -> Callable[..., None]:
-        kernel = step_kernels(*self._compiled, self.num_actions)[which]
-        return self.packed.entry(kernel, 0, len(self.cars), self.new_outcome())
+        return self.packed.entry(self._kernels[which], 0, len(self.cars), self.new_outcome())
 
     @cached_property
     def _reset(self) -> Callable[..., None]:
@@ -205,7 +214,7 @@ class Cars:
         return {k: v for k, v in self.__dict__.items() if k not in _NOT_KEPT}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
+        self.__dict__.update(own(state))
         self._bind()
 
 

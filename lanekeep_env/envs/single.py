@@ -14,6 +14,7 @@ from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
 from lanekeep_env.envs.skin import RENDER_MODES, Skin, check_modes, observation_space, seed_from
 from lanekeep_env.layout import O_REWARD, O_SUCCESS, O_TERMINATED, O_TRUNCATED
+from lanekeep_env.plain import own
 from lanekeep_env.rendering.window import Window
 
 #: Views, which would come back from a pickle as copies, and functions.
@@ -81,14 +82,14 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
         self._action, self._look, self._tell = core.action[0], core.observation[0].copy, self._outcome[:, 0].tolist
         if core.seeded:
             self._arguments = core.packed.handle, 0, 1, self._outcome
-            self._step = core.step
+            self._step = core.run
 
     def __getstate__(self) -> dict[str, Any]:
         kept = {k: v for k, v in self.__dict__.items() if k not in _NOT_KEPT}
         return {**kept, "_picture": None, "_window": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
+        self.__dict__.update(own(state))
         self._bind()
 
     def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
@@ -112,7 +113,7 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
                 one, other = action.tolist()
                 taken[0], taken[1] = one, other
                 wrong = (one - one) + (other - other)
-        except (AttributeError, TypeError, ValueError):
+        except (AttributeError, TypeError, ValueError, OverflowError):
             wrong = math.nan
         if wrong != 0.0:  # infinite, or no number
             self._take(action)
@@ -137,7 +138,7 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
             )
         try:
             self._action[:] = [float(number) for number in given.tolist()]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise ValueError(f"action={shown(action)} is not a number; it must be one in [-1, 1]") from None
         if np.isnan(self._action).any():
             raise ValueError(f"action={shown(action)} is NaN; it must be a number in [-1, 1]")

@@ -46,6 +46,9 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     bounds the draws (``friction=0.8`` or ``(0.6, 0.8)``) is one for all cars and stays for their later episodes.
     """
 
+    #: Whether there are episodes to go on with.
+    _started = False
+
     def __init__(
         self,
         num_envs: int = 1,
@@ -116,6 +119,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         outcome = core.new_outcome()
         outcome[:] = 0.0  # of the others it tells nothing
         core.reset(options, mask, outcome)
+        self._started = True
         return core.observation.copy(), self._infos(outcome[: core.outcome_rows], mask)
 
     def _mask(self, mask: np.ndarray | None) -> np.ndarray:
@@ -135,19 +139,22 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         given = actions if isinstance(actions, np.ndarray) else np.asarray(actions)
         if given.shape != core.action.shape:
             raise ValueError(f"actions have shape {given.shape}; they must have shape {core.action.shape}")
-        if not core.seeded:
+        if not self._started:
             raise gym.error.ResetNeeded("call reset() before step()")
-        core.action[...] = given
+        try:
+            core.action[...] = given
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError(f"actions={shown(actions)} are not numbers; they must be some in [-1, 1]") from None
         least = np.minimum.reduce(core.action, axis=None)
         if least != least:  # a NaN
             self._clear_ignored(core.action)
         outcome = core.new_outcome()
         arguments = core.packed.handle, 0, len(core.cars), outcome
         if self._threads == 1:
-            core.step(*arguments)
+            core.run(*arguments)
         else:
             numba.set_num_threads(self._threads)
-            core.step_parallel(*arguments)
+            core.run_parallel(*arguments)
         told = outcome[: core.outcome_rows] if self._same_step else outcome
         terminated, truncated, success = told[at.O_FLAGS] > 0.0
         termination = told[at.O_TERMINATED].astype(np.int64)
@@ -164,7 +171,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         Raises:
             ResetNeeded: nothing drives yet.
         """
-        if not self._core.seeded:
+        if not self._started:
             raise gym.error.ResetNeeded("call reset() before get_state()")
         return {name: getattr(self._core, name).copy() for name in self._core.moving}
 
@@ -190,7 +197,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._core.check_ranges(state["ranges"])
         for name, array in wanted.items():
             array[...] = state[name]
-        self._core.seeded = True
+        self._core.seeded = self._started = True
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """Return the picture of every car (render_mode "rgb_array")."""
@@ -203,6 +210,11 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_pictures": []}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._everyone.flags.writeable = False  # which no pickle keeps
+        self._threads = min(self._threads, numba.config.NUMBA_NUM_THREADS)  # of this computer
 
     def _clear_ignored(self, action: np.ndarray) -> None:
         """Clear NaN actions of cars that only start anew in this step; any other NaN is an error."""

@@ -157,6 +157,23 @@ def test_a_warmed_cache_is_used_where_nothing_can_be_written(root, monkeypatch):
     assert (kernel(2), kernel(0.5), hits(kernel)) == (6, 1.5, 1)
 
 
+class Terminal:
+    """A terminal in the place of `sys.stderr`."""
+
+    def isatty(self):
+        return True
+
+    def write(self, text):
+        raise OSError(errno.EIO, "hung up")
+
+
+@pytest.mark.parametrize("stream", [Terminal(), object()], ids=["hung up", "a stream of somebody's own"])
+def test_whom_cannot_be_told_is_not_told(root, monkeypatch, stream):
+    monkeypatch.setattr(kernel_cache, "_told", False)
+    monkeypatch.setattr(sys, "stderr", stream)
+    assert first_start()(2) == 6
+
+
 @pytest.mark.parametrize("blocked", ["by a file", "by no home"])
 def test_nothing_is_written_beside_the_sources(tmp_path, blocked):
     sources, cache = tmp_path / "sources", tmp_path / "cache"

@@ -66,3 +66,14 @@ def test_a_process_with_kept_kernels_reads_no_more_of_numba_than_they_need():
     seen = env.step(np.zeros(1, np.float32))[0].tolist()  # keeps the kernels, where none were
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
     assert out.stdout.splitlines() == [str(seen), "[]"]
+
+
+def test_what_a_kernel_is_called_by_is_counted_by_the_kernel():
+    """Where code came from, kept or compiled, is asked of numba's dispatcher."""
+    if numba.config.DISABLE_JIT:
+        pytest.skip("nothing is compiled")
+    env = gym.make("lanekeep/LaneKeep-v0")
+    env.reset(seed=0)
+    env.step(np.zeros(1, np.float32))
+    stats = env.unwrapped._core.step.stats
+    assert sum(stats.cache_hits.values()) + sum(stats.cache_misses.values()) >= 1
