@@ -219,13 +219,8 @@ class LqPreviewOffsetFree(LinearQuadratic):
 
 
 class LinearQuadraticGaussian(LinearQuadratic):
-    """`lqg`: without the road ahead; its curvature at the car is estimated as well, and taken to stay as it is.
-
-    ``steer`` is no optimum: the tuned 1e-3 has Ms up to 3.1 on CommonRoad's stiffer cars. This one, about the largest
-    that keeps Ms below 2 on all full-size cars, costs 1.3 % on Yin's, 2.2 % on the Passat, 2.3 % on CommonRoad's
-    first one (64 episodes).
-    """
+    """`lqg`: without the road ahead; its curvature at the car is estimated as well, and taken to stay as it is."""
 
     name = "lqg"
     estimated = Estimated(offsets=True, curvature=True)
-    weights = Weights(rate=0.795, slip=9.32e-4, steer=1.8e-5, drift=5.06e-3, bend=0.772, lag=0.0421)
+    weights = Weights(rate=0.795, slip=9.32e-4, steer=1e-3, drift=5.06e-3, bend=0.772, lag=0.0421)

@@ -128,7 +128,7 @@ GATES = {
     "mpc-preview": (2.2, 2.6),
     "lq-preview-offset-free": (2.1, 4.5),
     "lq-preview-trimmed": (2.1, 4.5),
-    "lqg": (2.0, 2.0),
+    "lqg": (3.2, 2.1),
     "stanley": (2.4, 5.0),
 }
 

@@ -184,7 +184,10 @@ def test_options_and_closures_count(monkeypatch):
 PRINT = """
 import sys
 import lanekeep_env.walls.raycast
+from lanekeep_env.engine.effort import by_motor
 from lanekeep_env.engine.step import reset_kernel, step_kernels
+from lanekeep_env.families.road.cars import RoadCars
+from lanekeep_env.families.road.disturbed import disturbed
 from lanekeep_env.families.road.drive_kernel import DRIVING
 from lanekeep_env.families.road.guided import GUIDED
 from lanekeep_env.families.road.kernel import ON_ROADS
@@ -214,6 +217,12 @@ for model in [model for model in vars(models).values() if isinstance(model, mode
         made += step_kernels(model, GUIDED, 1)
     for value in made:
         print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
+for model, own, n in ((models.LINEAR, ON_ROADS, 1), (models.POWERED, DRIVING, 2)):
+    family = disturbed(own, RoadCars.axle_rows, RoadCars.asked_rows)
+    for value in (*step_kernels(models.with_pushes(model), family, n), reset_kernel(family)):
+        print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
+for value in step_kernels(models.LINEAR, by_motor(ON_ROADS), 1):
+    print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
 for value in map(reset_kernel, (ON_ROADS, DRIVING, AMONG_TRAFFIC, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)):
     print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
 """
