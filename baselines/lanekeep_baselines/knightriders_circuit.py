@@ -104,8 +104,6 @@ class KnightRidersCircuit(DrivingPolicy):
     SAME: ClassVar[float] = 0.2
     #: How far the wall ahead less the corridor may be from a wall's end in the scan, m, for that to be a corner.
     AGREE: ClassVar[float] = 0.5
-    #: How far an echo ahead may be from that of the wall along the car, m.
-    HEARD: ClassVar[float] = 0.06
     #: Standard deviation of the heading at the start, rad, and that above which no direction is seen.
     START, SURE = 0.1, 0.08
     #: Standard deviation of the potentiometer at the road wheel at least, rad.
@@ -186,7 +184,7 @@ class KnightRidersCircuit(DrivingPolicy):
             command,
             known,
             self._side(leg),
-            np.minimum(self._map.unseen(at, ranges, map_), glass),
+            np.minimum(self._map.unseen(at, ranges), glass),
             pilot,
         )
         leg = leg._replace(phase=np.where(keep, phase, leg.phase))
@@ -294,22 +292,7 @@ class KnightRidersCircuit(DrivingPolicy):
             found &= at["scan_new"] > 0.5
         share = np.where(leg.corner > 0.5 * _UNKNOWN, 1.0, 0.5)
         corner = np.where(found, leg.corner + share * (np.where(found, place, 0.0) - leg.corner), leg.corner)
-        corner = np.maximum(corner, np.where(along, self._goes_on(at, side, heading, at_nose, corridor), -np.inf))
         return leg._replace(corner=corner, corridor=corridor, votes=votes)
-
-    def _goes_on(
-        self, at: Mapping[str, Floats], side: Floats, heading: Floats, right: Floats, corridor: Floats
-    ) -> Floats:
-        """Return how far ahead of the rear axle the inner wall is heard, m, (n,), -inf where it is not.
-
-        A wall along the car is heard where the cone's rim meets it, glass as well: it ends behind that place.
-        """
-        echo = at.get("distance_front", np.zeros_like(right))
-        apart = np.where(side < 0.0, right, corridor - right), np.where(side < 0.0, corridor - right, right)
-        rims = HALF_CONE + side * heading, HALF_CONE - side * heading
-        inner, outer = (far / np.sin(np.clip(rim, 0.1, 1.5)) for far, rim in zip(apart, rims, strict=True))
-        heard = (side != 0.0) & (echo > 0.0) & (np.abs(echo - inner) < self.HEARD) & (outer > inner + 2.0 * self.HEARD)
-        return np.where(heard, self._nose * np.cos(heading) + echo * np.cos(rims[0]), -np.inf)
 
     def _drive(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool, known: Floats, leg: Leg

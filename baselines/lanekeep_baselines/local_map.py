@@ -10,7 +10,7 @@ Points are in the frame of the car: from the rear axle, x ahead and y to the lef
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +19,6 @@ from lanekeep_baselines.free_space import NOWHERE
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.scan_features import ScanReader
 from lanekeep_env.sensing.ultrasonic import FARTHEST, HALF_CONE, TANGENT
-
-
-class Echo(NamedTuple):
-    """What is remembered of the echo ahead, (n,) each: m; by how much it came nearer a step lately, and the way, m."""
-
-    ahead: Floats
-    nearer: Floats
-    driven: Floats
 
 
 class LocalMap:
@@ -47,21 +39,12 @@ class LocalMap:
     BESIDE: ClassVar[float] = 0.15
     #: Share of the cone's beams that show nothing from which on there may be glass.
     OPEN: ClassVar[float] = 0.15
-    #: What is straight ahead comes nearer by the car's way; by this share of it what may be touched does. How much the
-    #: latest step counts.
-    COMES, LATEST = 0.5, 0.4
-    #: A wall beside a car that passes it is heard farther ahead than this, m; by how much nearer the body's corner is.
-    CLOSE, CORNER = 0.45, 0.08
     #: Directions in which it is put, rad; places ahead of the side sensor to which a side wall goes on where the rim of
     #: the scan shows nothing, m.
     ACROSS, GOES_ON = (-0.3, 0.0, 0.3), (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
 
     #: Places of a side's wall beyond its echo, and how far off its line the rim still shows the same wall, m.
     UNSEEN, SAME_WALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9), 0.12
-    #: The same behind, where the car came from.
-    BEHIND: ClassVar[tuple[float, ...]] = (0.15, 0.3, 0.45)
-    #: How far an echo ahead may be from that of a wall beside the car, m.
-    HEARD: ClassVar[float] = 0.06
     #: Angle that is the rim, rad.
     RIM: ClassVar[float] = 0.1
 
@@ -74,7 +57,7 @@ class LocalMap:
         self._rim_cosine, self._rim_sine = np.cos(rim), np.sin(rim)
         self._per_place = self.SECTORS + self.ECHOES
         self._points = self.KEPT * self._per_place
-        self.memory = 2 * self._points + 2 + len(Echo._fields)
+        self.memory = 2 * self._points + 2
 
     def update(
         self,
@@ -95,9 +78,8 @@ class LocalMap:
             way, turned: of the rear axle in the step that ended, m, and of the heading, rad, (n,).
         """
         n = len(way)
-        points = memory[:, : 2 * self._points].T.reshape(2, self.KEPT, self._per_place, n)
-        *before, since, angle = memory[:, 2 * self._points :].T
-        since, angle = since + np.abs(way), angle + np.abs(turned)
+        points = memory[:, :-2].T.reshape(2, self.KEPT, self._per_place, n)
+        since, angle = memory[:, -2] + np.abs(way), memory[:, -1] + np.abs(turned)
         x, y = points[0] - way * np.cos(0.5 * turned), points[1] - way * np.sin(0.5 * turned)
         cosine, sine = np.cos(turned), np.sin(turned)
         x, y = cosine * x + sine * y, cosine * y - sine * x
@@ -111,9 +93,7 @@ class LocalMap:
         for old, now in zip((x, y), seen, strict=True):
             moved = np.where(new, np.concatenate([old[:1], old[:-1]]), old)
             kept.append(np.concatenate([now[None], moved[1:]]).reshape(self._points, n))
-        rest = np.stack(
-            [*self._approach(at, Echo(*before), fresh, way), np.where(new, 0.0, since), np.where(new, 0.0, angle)]
-        )
+        rest = np.stack([np.where(new, 0.0, since), np.where(new, 0.0, angle)])
         return np.concatenate([*kept, rest]).T, front
 
     def points(
@@ -124,7 +104,7 @@ class LocalMap:
         Args:
             heading: from the side walls' direction, rad, (n,).
         """
-        x, y = memory[:, : 2 * self._points].T.reshape(2, self._points, -1)
+        x, y = memory[:, :-2].T.reshape(2, self._points, -1)
         known = np.isfinite(ranges)
         far = np.where(known, ranges, NOWHERE)
         ahead, left = self._nose + far * np.cos(self._reader.angles), far * np.sin(self._reader.angles)
@@ -138,26 +118,17 @@ class LocalMap:
             across.append(sign * echo[None] * np.cos(HALF_CONE))
             along.append(np.where(goes_on, self._side + further, NOWHERE))
             across.append(np.where(goes_on, sign * echo + 0.0 * further, NOWHERE))
-            other = at["distance_left" if sign < 0.0 else "distance_right"]
-            heard = self._hears(at, echo, other, sign * heading)
-            x_, y_ = self._unseen_wall(echo, sign * heading, ahead[beams], sign * left[beams], rim, heard)
+            x_, y_ = self._unseen_wall(echo, sign * heading, ahead[beams], sign * left[beams], rim)
             along.append(x_)
             across.append(sign * y_)
         return np.concatenate(along), np.concatenate(across)
 
     def _unseen_wall(
-        self,
-        echo: Floats,
-        heading: Floats,
-        ahead: Floats,
-        left: Floats,
-        known: NDArray[np.bool_],
-        heard: NDArray[np.bool_],
+        self, echo: Floats, heading: Floats, ahead: Floats, left: Floats, known: NDArray[np.bool_]
     ) -> tuple[Floats, Floats]:
         """Return points of a left wall between its echo and the camera's rim, where nothing is seen, m, (points, n).
 
-        The wall goes on there if all that the rim shows (``ahead`` and ``left``, where ``known``) is on its line, or
-        where the sensor ahead has ``heard`` it.
+        The wall goes on there if all that the rim shows (``ahead`` and ``left``, where ``known``) is on its line.
         """
         foot = np.clip(heading, -HALF_CONE, HALF_CONE)
         x, y = self._side + echo * np.sin(foot), echo * np.cos(foot)
@@ -165,52 +136,21 @@ class LocalMap:
         off = sine * (ahead - x) + cosine * (left - y)
         same = known.any(axis=0) & ((np.abs(off) < self.SAME_WALL) | ~known).all(axis=0)
         onwards = np.array(self.UNSEEN)[:, None]
-        behind = (echo > 0.0) & (np.abs(heading) < 1.2 * HALF_CONE)
-        back = np.array(self.BEHIND)[:, None]
-        xb, yb = x - back * cosine, y + back * sine
-        xb, yb = np.where(behind, xb, NOWHERE), np.where(behind, yb, NOWHERE)
         x, y = x + onwards * cosine, y - onwards * sine
-        goes_on = heard | same & (y * self._rim_cosine > (x - self._nose) * self._rim_sine)
-        goes_on &= echo > 0.0
-        x, y = np.where(goes_on, x, NOWHERE), np.where(goes_on, y, NOWHERE)
-        return np.concatenate([x, xb]), np.concatenate([y, yb])
+        goes_on = (echo > 0.0) & same & (y * self._rim_cosine > (x - self._nose) * self._rim_sine)
+        return np.where(goes_on, x, NOWHERE), np.where(goes_on, y, NOWHERE)
 
-    def _approach(self, at: Mapping[str, Floats], before: Echo, fresh: NDArray[np.bool_] | bool, way: Floats) -> Echo:
-        """Return what is known of the echo ahead after a step of that ``way``, m, (n,)."""
-        echo = at.get("distance_front", np.zeros_like(way))
-        both = (echo > 0.0) & (before.ahead > 0.0) & ~np.asarray(fresh)
-        nearer = np.where(both, before.ahead - echo, 0.0)
-        old = [np.where(both, one, 0.0) for one in (before.nearer, before.driven)]
-        return Echo(echo, *(one + self.LATEST * (new - one) for one, new in zip(old, (nearer, way), strict=True)))
-
-    def _hears(self, at: Mapping[str, Floats], echo: Floats, other: Floats, heading: Floats) -> NDArray[np.bool_]:
-        """Return whether the echo ahead is that of a left wall whose own is ``echo``, m, and no right one's, (n,).
-
-        Along a wall it comes from where the cone's rim meets the wall.
-        """
-        if "distance_front" not in at:
-            return np.zeros(echo.shape, dtype=bool)
-        along = (self._nose - self._side) * np.sin(heading)
-        left = (echo - along) / np.sin(np.clip(HALF_CONE + heading, 0.1, 1.5))
-        right = np.where(other > 0.0, (other + along) / np.sin(np.clip(HALF_CONE - heading, 0.1, 1.5)), np.inf)
-        same = np.abs(at["distance_front"] - left) < self.HEARD
-        return same & (right > left + 2.0 * self.HEARD) & (np.abs(heading) < HALF_CONE)
-
-    def unseen(self, at: Mapping[str, Floats], ranges: Floats, memory: Floats) -> Floats:
+    def unseen(self, at: Mapping[str, Floats], ranges: Floats) -> Floats:
         """Return how far off the ultrasonic hears what may be glass ahead, m, (n,), inf where that is nothing.
 
         It may be where the raw scan, inf for nothing, shows nothing in a part of the sensor's cone, whatever else is
-        in it at that distance; and nearer than the camera sees it is whatever comes nearer as the car drives on.
+        in it at that distance.
         """
         if "distance_front" not in at:
             return np.full(ranges.shape[1], np.inf)
         echo, cone = at["distance_front"], np.abs(self._reader.angles[:, 0]) <= HALF_CONE
         open_ = np.isinf(ranges[cone]).mean(axis=0) >= self.OPEN
-        known = Echo(*memory[:, 2 * self._points : -2].T)
-        comes = (known.nearer > self.COMES * known.driven) & (known.driven > 0.0) & (echo <= self._blind + self.RIM)
-        near = comes | (echo < self.CLOSE)
-        heard = np.where(near, np.maximum(echo - self.CORNER, 0.01), echo)
-        return np.where((echo > 0.0) & (near | open_ & (echo > self._blind)), heard, np.inf)
+        return np.where(open_ & (echo > self._blind) & (echo > 0.0), echo, np.inf)
 
     def _seen(self, at: Mapping[str, Floats], ranges: Floats, front: Floats) -> tuple[Floats, Floats]:
         """Return the points of this place, x and y, m, (sectors + echoes, n)."""
