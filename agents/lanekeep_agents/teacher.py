@@ -112,7 +112,7 @@ class Teacher:
         """
         cars = self._cars
         cars.action.reshape(-1)[:] = _float32(actions)
-        cars.step(cars.packed.handle, 0, len(cars.cars), self._outcome)
+        cars.run(cars.packed.handle, 0, len(cars.cars), self._outcome)
         return cars.observation, self._outcome[at.O_REWARD].copy(), self._outcome[at.O_SUCCESS] > 0.0
 
     @property
@@ -181,7 +181,7 @@ class Teacher:
         wanted = copies.action.reshape(count, blocks * size)
         wanted[:, :n] = given
         wanted[-1, :n] -= np.copysign(np.float32(_ACTION_CHANGE), given)
-        cars.step(copies.packed.handle, 0, len(copies.cars), copies.outcome)
+        cars.run(copies.packed.handle, 0, len(copies.cars), copies.outcome)
         after = self._columns(moved)
         change = self.from_states(after[1:], after[0])
         step = wanted[-1, :n].astype(np.float64) - given
