@@ -215,12 +215,19 @@ def numbers(scenario: Any) -> dict[int, Any]:
 
 def channels(scenario: Any) -> list[Channel]:
     """What the full observation shows of that which disturbs the car."""
-    friction = scenario.patches is not None or (scenario.changes is not None and scenario.model.saturates)
-    faults = scenario.steering_errs
+    friction = scenario.model.saturates and (scenario.patches is not None or scenario.changes is not None)
+    slips, faults = scenario.model.slips, scenario.steering_errs
     rows = (
-        (scenario.bank != (0.0, 0.0), "bank", "rad", 0.2, "roll angle of the road, left side up positive", at.BANK),
         (
-            scenario.crosswind != (0.0, 0.0) or scenario.gusts > 0.0,
+            slips and scenario.bank != (0.0, 0.0),
+            "bank",
+            "rad",
+            0.2,
+            "roll angle of the road, left side up positive",
+            at.BANK,
+        ),
+        (
+            slips and (scenario.crosswind != (0.0, 0.0) or scenario.gusts > 0.0),
             "crosswind",
             "m/s",
             100.0,

@@ -99,7 +99,12 @@ def another(scenario, path):
     if path.startswith("randomisation."):
         return 0.8 * value[0]
     options = registry.OPTIONS[next(env_id for env_id in IDS if scenario_class(env_id) is type(scenario))]
-    choices = {"tyre": ["linear", "magic_formula"], "speed": [0.5], **{name: v for name, v in options.items() if v}}
+    choices = {
+        "tyre": ["linear", "magic_formula"],
+        "speed": [0.5],
+        "effort": ["motor"],
+        **{name: v for name, v in options.items() if v},
+    }
     for choice in choices.get(path, ()):
         if choice != value:
             return choice

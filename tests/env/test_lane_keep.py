@@ -296,5 +296,6 @@ def test_public_names():
         "passat",
         "knightriders",
         "pses",
+        "f1tenth",
         *(f"commonroad-{k}" for k in (1, 2, 3)),
     }

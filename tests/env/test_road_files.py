@@ -114,7 +114,7 @@ LINE = [f"{10 * k}, {k * k}" for k in range(20)]
     ("lines", "words"),
     [
         ([], ["empty"]),
-        (["# only a comment"], ["empty"]),
+        (["# only a comment"], ["holds no line of numbers"]),
         (LINE[:5], ["5 points", "at least 8"]),
         ([*LINE[:9], "90, abc", *LINE[9:]], ["line 10", "'abc'", "not a number"]),
         ([*LINE[:9], *[LINE[8]] * 30], ["most points are the same", "must differ"]),
