@@ -133,7 +133,7 @@ def made() -> dict[str, str]:
 
 
 def _said(name: str) -> str:
-    text = (lanekeep_baselines._declared_of(name).__doc__ or "").strip()
+    text = (lanekeep_baselines.policy_class(name).__doc__ or "").strip()
     return reference.first_sentence(re.sub(rf"^`{name}`[:,]? *", "", text))
 
 

@@ -123,7 +123,7 @@ def picture(env_id: str) -> bytes:
 
 def controller(name: str) -> str:
     """The page of a controller: what its class and its module say, what it declares, and what it drives."""
-    policy = lanekeep_baselines._declared_of(name)
+    policy = lanekeep_baselines.policy_class(name)
     module = importlib.import_module(policy.__module__)
     driven = [env_id for env_id in lanekeep_env.ENVIRONMENTS if name in drivers(env_id)]
     rows = [

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import lanekeep_baselines
 from lanekeep_agents.foreign import one_line, refuse_files
@@ -83,6 +83,20 @@ class Binding:
             max_steering_angle=record.max_steering_angle,
             max_steering_rate=record.max_steering_rate,
         )
+
+    def given(self, observation: ArrayLike) -> NDArray[np.float32]:
+        """Return an observation of the scenario as an array, (channels,) or (n, channels).
+
+        Raises:
+            ValueError: it has another shape.
+        """
+        found = np.asarray(observation, dtype=np.float32)
+        if found.ndim not in (1, 2) or found.shape[-1] != self.width:
+            raise ValueError(
+                f"observation has shape {found.shape}, allowed: ({self.width},) or (n, {self.width}), "
+                "one number a channel of the scenario"
+            )
+        return found
 
     def convert(self, action: NDArray[np.float32], observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return actions in [-1, 1] that ask the scenario for what the policy asked its own one for.

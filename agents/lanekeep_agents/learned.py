@@ -89,12 +89,7 @@ class LearnedPolicy:
         Raises:
             ValueError: an observation or a state of another shape.
         """
-        given = np.asarray(observation, dtype=np.float32)
-        if given.ndim not in (1, 2) or given.shape[-1] != self._bound.width:
-            raise ValueError(
-                f"observation has shape {given.shape}, allowed: ({self._bound.width},) or (n, {self._bound.width}), "
-                "one number a channel of the scenario"
-            )
+        given = self._bound.given(observation)
         rows = given[None] if given.ndim == 1 else given
         following = None
         seen = rows[:, self._bound.columns]

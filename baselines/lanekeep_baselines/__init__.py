@@ -111,11 +111,12 @@ def names(scenario: Scenario | None = None) -> tuple[str, ...]:
 
 
 def _drives(name: str, scenario: Scenario) -> bool:
-    policy = _declared_of(name)
+    policy = policy_class(name)
     return not policy.lacking(scenario) and not policy.missing_package()
 
 
-def _declared_of(name: str) -> type[Declared]:
+def policy_class(name: str) -> type[Declared]:
+    """Return the class behind a name that `names` knows, with what it declares."""
     return _REGISTERED[name][0] if name in _REGISTERED else _class_of(name)
 
 
@@ -137,7 +138,7 @@ def make(name: str, scenario: Scenario, **options: bool) -> Policy:
     """
     if name not in names():
         raise ValueError(f"policy={shown(name)} is unknown{nearest(name, names())}; allowed: {', '.join(names())}")
-    policy = _declared_of(name)
+    policy = policy_class(name)
     for option, value in options.items():
         known = () if name in _REGISTERED else policy.options()
         if option not in known:

@@ -92,10 +92,8 @@ def _read(context, builder, kind, words):
         return context.get_dummy_value()
     if isinstance(kind, types.Float):
         return context.cast(builder, builder.bitcast(next(words), ir.DoubleType()), types.float64, kind)
-    from numba.np.arrayobj import (
-        make_array,
-        populate_array,
-    )  # which takes a tenth of a second, where nothing is compiled
+    # Where nothing is compiled this import of a tenth of a second is not needed.
+    from numba.np.arrayobj import make_array, populate_array
 
     element = context.get_data_type(kind.dtype)
     start, shape = builder.inttoptr(next(words), element.as_pointer()), [next(words) for _ in range(kind.ndim)]

@@ -75,39 +75,9 @@ FRONT_DRIVEN = CarModel("front_driven", cars.front_driven, cars.front_driven_out
 KINEMATIC_PACED = CarModel("kinematic_paced", cars.kinematic, cars.kinematic_outputs, PACED)
 LINEAR_PACED = CarModel("linear_paced", cars.dynamic_linear, cars.linear_outputs, PACED, slips=True)
 POWERED = CarModel("powered", cars.dynamic_both_ways, cars.both_ways_outputs, DRIVEN, slips=True, saturates=True)
-MAGIC_FORMULA_HELD = CarModel(
-    "magic_formula_held",
-    cars.dynamic_magic_formula,
-    cars.magic_formula_outputs,
-    HELD,
-    slips=True,
-    saturates=True,
-    drag=cars.cornering_drag,
-)
-LOAD_SENSITIVE = CarModel(
-    "load_sensitive",
-    cars.load_sensitive,
-    cars.magic_formula_outputs,
-    slips=True,
-    saturates=True,
-    tyres=load_transfer.braked,
-)
-LOAD_SENSITIVE_HELD = CarModel(
-    "load_sensitive_held",
-    cars.load_sensitive,
-    cars.magic_formula_outputs,
-    HELD,
-    slips=True,
-    saturates=True,
-    tyres=load_transfer.braked,
-    drag=cars.cornering_drag,
-)
-LOAD_SENSITIVE_POWERED = CarModel(
-    "load_sensitive_powered",
-    cars.load_sensitive_both_ways,
-    cars.both_ways_outputs,
-    DRIVEN,
-    slips=True,
-    saturates=True,
-    tyres=load_transfer.driven,
+MAGIC_FORMULA_HELD = replace(MAGIC_FORMULA, name="magic_formula_held", pace=HELD, drag=cars.cornering_drag)
+LOAD_SENSITIVE = replace(MAGIC_FORMULA, name="load_sensitive", rates=cars.load_sensitive, tyres=load_transfer.braked)
+LOAD_SENSITIVE_HELD = replace(LOAD_SENSITIVE, name="load_sensitive_held", pace=HELD, drag=cars.cornering_drag)
+LOAD_SENSITIVE_POWERED = replace(
+    POWERED, name="load_sensitive_powered", rates=cars.load_sensitive_both_ways, tyres=load_transfer.driven
 )

@@ -83,14 +83,14 @@ def test_refining_changes_nothing(seed, piece):
     np.testing.assert_allclose(fine.curvature(s)[inside], road.curvature(s)[inside], atol=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
-@given(
-    seed=st.integers(0, 10**6),
-    closed=st.booleans(),
-    lateral=st.floats(0.5, 9.0),
-    gain=st.floats(0.2, 5.0),
-    brake=st.floats(0.2, 8.0),
-)
+def any_limits(test):
+    """Try a test on drawn roads with drawn limits of a speed profile, m/s²."""
+    accelerations = {"lateral": st.floats(0.5, 9.0), "gain": st.floats(0.2, 5.0), "brake": st.floats(0.2, 8.0)}
+    drawn = given(seed=st.integers(0, 10**6), closed=st.booleans(), **accelerations)
+    return settings(max_examples=60, deadline=None)(drawn(test))
+
+
+@any_limits
 def test_limited_speed_keeps_every_limit_everywhere(seed, closed, lateral, gain, brake):
     profile = LimitedSpeed(lateral, 40.0, acceleration=gain, deceleration=brake)
     road, speed = profile.along(random_road(seed, closed))
@@ -106,14 +106,7 @@ def test_limited_speed_keeps_every_limit_everywhere(seed, closed, lateral, gain,
     assert (here * np.abs(curvature)).max() <= lateral * (1 + 1e-9)
 
 
-@settings(max_examples=60, deadline=None)
-@given(
-    seed=st.integers(0, 10**6),
-    closed=st.booleans(),
-    lateral=st.floats(0.5, 9.0),
-    gain=st.floats(0.2, 5.0),
-    brake=st.floats(0.2, 8.0),
-)
+@any_limits
 def test_a_profile_within_the_friction_ellipse_keeps_within_it_everywhere(seed, closed, lateral, gain, brake):
     profile = LimitedSpeed(lateral, 40.0, acceleration=gain, deceleration=brake, friction_ellipse=True)
     road, speed = profile.along(random_road(seed, closed))
