@@ -33,6 +33,7 @@ class _Part(JITCodeLibrary):
         self._finalize_dynamic_globals()
         self._verify_declare_only_symbols()
         self._finalized = True
+        self._final_module = self._get_module_for_linking()  # else both are kept
 
     def serialize_using_object_code(self) -> tuple[str, str, bytes]:
         return self.name, _PART, self._get_module_for_linking().as_bitcode()
@@ -125,7 +126,8 @@ class PartCompiler(CompilerBase):
         state.typingctx, state.flags = _Typing(state.typingctx), _Flags(state.flags)
         state.targetctx.refresh = _nothing  # a copy, which numba has just refreshed, and would for each operation
         state.library = _Part(state.targetctx.codegen(), state.func_id.func_qualname)
-        return super()._compile_bytecode()
+        # Of thousands of helpers what numba tells of their types would fill gigabytes, and nobody asks.
+        return super()._compile_bytecode()._replace(type_annotation=None)
 
 
 def _nothing() -> None:

@@ -13,7 +13,7 @@ STEP = """
 import sys
 import gymnasium as gym, lanekeep_env
 env = gym.make("lanekeep/LaneKeep-v0", dtype="float32", dynamics="kinematic")
-env.reset(seed=0), env.step([0.0])
+env.reset(seed=0)
 """
 
 

@@ -379,17 +379,17 @@ FAMILIES = ("lanekeep/LaneKeep-v0", "lanekeep/Circuit-v0")
 #: Options whose values decide what is compiled: each combination may be a kernel of its own.
 DISTURBING = ("bank", "crosswind", "gusts", "patches", "changes")
 COMPILED = ("vehicle", "effort", "dynamics", "tyre", "servo", "scan", "sensors", "dtype", *DISTURBING)
-#: Pairs of those take a minute an id to compile.
+#: Those take a minute an id to compile.
 PAIRED = pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
 
 
 def each_option_and_pairs(name, compiled=True):
     """Each value alone, then few keyword sets among which every pair of values occurs, defaults included.
 
-    Without ``compiled`` no pairs of what decides what is compiled.
+    Without ``compiled`` no pairs of what decides what is compiled, and that alone of one id a family.
     """
-    yield from alone(OPTIONS[name])
     options = {key: values for key, values in OPTIONS[name].items() if compiled or key not in COMPILED}
+    yield from alone(OPTIONS[name] if name in FAMILIES else options, OPTIONS[name])
     places = {
         key: range(len(values) + 1) for key, values in options.items()
     }  # the last one is the default, which wins ties: fewer kernels

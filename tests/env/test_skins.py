@@ -93,7 +93,11 @@ def test_cars_equal_single_environments_bitwise(name, keywords, mode):
     assert ended > cars
 
 
-@pytest.mark.parametrize(("name", "keywords"), MANY)
+@pytest.mark.parametrize(
+    ("name", "keywords"),
+    # Of a family one; each takes ten seconds to compile, for threads and in both precisions.
+    [one if one[0] in (ID, CIRCUIT) else pytest.param(*one, marks=pytest.mark.slow) for one in MANY],
+)
 @settings(max_examples=20, deadline=None)
 @given(cars=st.integers(1, 600), seed=st.integers(0, 2**31), threads=st.sampled_from([1, 2]))
 def test_a_car_does_not_depend_on_the_number_of_cars_or_threads(name, keywords, cars, seed, threads):
