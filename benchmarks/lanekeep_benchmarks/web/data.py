@@ -90,7 +90,7 @@ def _columns(lines: Sequence[EpisodeResult], metrics: Sequence[str]) -> dict[str
 
 def drive_chosen(plan: Plan, scenario: SuiteScenario) -> dict[str, dict[int, dict[str, Any]]]:
     """Drive the episodes of a scenario that are shown once more; of every policy the first one too."""
-    lines: dict[str, list[EpisodeResult]] = {name: [] for name in plan.policies}
+    lines: dict[str, list[EpisodeResult]] = {name: [] for name in plan.drivers[scenario.name]}
     for line in plan.results:
         if line.scenario == scenario.name:
             lines[line.policy].append(line)
