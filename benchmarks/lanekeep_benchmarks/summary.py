@@ -119,7 +119,7 @@ def _scenario(
 
 
 def parts_of(summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """A summary of each part of a run by its name, whose scenarios the same policies drive: as a rule that of the run."""
+    """A summary of each part of a run, whose scenarios the same policies drive, by its name; as a rule there is one."""
     found = {}
     for name, names in summary["parts"].items():
         scenarios = [entry for entry in summary["scenarios"] if entry["scenario"] in names]

@@ -1,7 +1,7 @@
 """A policy of somebody's own code in a process of its own: observations go there, actions come back, nothing else.
 
-Cars, truth and metrics stay with who verifies: what the code changes in its own process changes none of them. What comes
-back is bytes of numbers and of texts; nothing of it is unpickled.
+Cars, truth and metrics stay with who verifies: what the code changes in its own process changes none of them. What
+comes back is bytes of numbers and of texts; nothing of it is unpickled.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Apart:
         self._process: Any = None
         self._connection: Connection | None = None
         self._files: list[Path] = []
-        #: How often it was begun.
-        self.lives = 0
+        #: How often it was ended: what was made then is gone.
+        self.ended = 0
 
     def _begin(self) -> None:
         context = multiprocessing.get_context("spawn")
@@ -46,7 +46,6 @@ class Apart:
         self._process = context.Process(target=_serve, args=(there, self.name), daemon=True)
         self._process.start()
         there.close()
-        self.lives += 1
         try:
             self._files = [Path(file) for file in json.loads(self._answer())]
         except ValueError as error:
@@ -61,6 +60,7 @@ class Apart:
             assert self._connection is not None
             self._connection.close()
             self._process = self._connection = None
+            self.ended += 1
 
     def sha256(self) -> str | None:
         """Hash of its files, as a run keeps it."""
@@ -112,20 +112,18 @@ class Elsewhere:
 
     def _make(self) -> None:
         self._number = int(self._apart.ask("make", self._scenario))
-        self._life = self._apart.lives
+        self._before = self._apart.ended
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[NDArray[np.float32], int]:
         """Return the actions; the state says that there is one, elsewhere."""
-        if self._apart.lives != self._life:
+        if self._apart.ended != self._before:
             self._make()
         content = self._apart.ask("predict", self._number, observation, state is None, episode_start)
         wanted = (len(observation), self._actions)
         if len(content) != 4 * wanted[0] * wanted[1]:
-            raise OwnCodeError(
-                f"policy {shown(self._apart.name)}: it answers {len(content)} bytes, no {wanted} actions"
-            )
+            raise OwnCodeError(f"policy {shown(self._apart.name)}: {len(content)} bytes are no {wanted} actions")
         return np.frombuffer(content, dtype=np.float32).reshape(wanted), 1
 
 

@@ -88,7 +88,7 @@ def _faults(claims: Claims, again: Sequence[Again], fresh: Sequence[Fresh]) -> l
             first = one.differs[0]
             bad = len({differs.place for differs in one.differs})
             found.append(
-                f"{policy} on {scenario}: {bad} of {one.episodes} episodes driven again differ, e.g. episode {episode}: "
+                f"{policy} on {scenario}: {bad} of {one.episodes} episodes driven again differ, e.g. {episode}: "
                 f"{first.field} is {_short(first.claimed)} in the folder, {_short(first.driven)} driven"
             )
     for score in fresh:
@@ -148,10 +148,8 @@ def _print(
         there.print(f"{title}; --json prints all scores", highlight=False)
     driven = sum(one.episodes for one in again)
     differ = len({differs.place for one in again for differs in one.differs})
-    there.print(
-        Text(f"Driven again: {driven} of {len(claims.lines)} episodes, drawn by chance; {differ} differ"),
-        soft_wrap=True,
-    )
+    drawn = f"Driven again: {driven} of {len(claims.lines)} episodes, drawn by chance; {differ} differ"
+    there.print(Text(drawn), soft_wrap=True)
     for machine in claims.record.machines:
         there.print(Text(f"Claimed on {', '.join(f'{key} {value}' for key, value in machine.items())}"), soft_wrap=True)
     for name, why in claims.left_out.items():

@@ -45,14 +45,14 @@ class Fresh(NamedTuple):
         return self.probability < LEVEL / comparisons
 
 
-def drive_fresh(claims: Claims, episodes: int = EPISODES) -> tuple[int, Iterator[Fresh]]:
+def drive_fresh(claims: Claims) -> tuple[int, Iterator[Fresh]]:
     """Return the seed that was drawn, and what comes of its episodes, scenario by scenario.
 
     Own code gets another process, which has seen none of the episodes that were driven again.
     """
     claims.close()
     seed = secrets.randbits(53)
-    return seed, _fresh(claims, seed, range(episodes))
+    return seed, _fresh(claims, seed, range(EPISODES))
 
 
 def _fresh(claims: Claims, seed: int, numbers: Sequence[int]) -> Iterator[Fresh]:
