@@ -34,6 +34,7 @@ LOOK_UP = """
 import lanekeep_baselines, numpy as np
 
 KNOWN = np.load("known.npy")
+open("ran", "a").close()
 
 class LookUp:
     def __init__(self, scenario):
@@ -60,15 +61,6 @@ class Tampers:
 
     def predict(self, observation, state=None, episode_start=None, deterministic=True):
         return np.zeros((len(observation), 1), dtype=np.float32), None
-"""
-
-
-MINE = """
-import lanekeep_baselines
-
-def Mine(scenario):
-    return lanekeep_baselines.make("stanley", scenario)
-
 """
 
 
@@ -126,7 +118,7 @@ def test_an_honest_run_holds_and_both_scores_are_told(honest, capsys):
     assert found["verified_on"]["python"] == sys.version.split()[0]
     assert main(["verify", "out"]) == 0
     text = capsys.readouterr().out
-    assert "Driven again: 1 of 8 episodes" in text and "out: holds" in text and "stanley" in text
+    assert "Driven again: 1 of 8 episodes; 0 differ" in text and "out: holds" in text and "stanley" in text
 
 
 def test_each_verification_draws_its_own_episodes(honest, capsys):
@@ -199,8 +191,8 @@ def test_files_that_do_not_agree_are_found(file, change, words, honest, capsys, 
     assert code == 1 and words in found["faults"][0]
 
 
-def test_a_look_up_entrant_is_found_by_fresh_episodes_alone(there, capsys):
-    """What it claims is what it drives: only episodes that it has not seen tell."""
+def test_a_look_up_entrant_runs_where_it_is_named_and_is_found_by_fresh_episodes(there, capsys, monkeypatch):
+    """What it claims is what it drives, in another process, too: only episodes that it has not seen tell."""
     cars = make_cars(read_suite("short.toml").scenarios[0], 4)
     known, _ = cars.reset(seed=[episode_seed("short", "slalom", number, 0) for number in range(4)])
     cars.close()
@@ -208,11 +200,20 @@ def test_a_look_up_entrant_is_found_by_fresh_episodes_alone(there, capsys):
     assert main(["bench", "short.toml", "--policies", "stanley,look_up.py:LookUp", "--out", "out"]) == 0
     table = {line["policy"]: line["metrics"] for line in lines_of(there / "out")}
     assert table["look_up.py:LookUp"] == table["stanley"]
+    (there / "ran").unlink()
+    code, found = verified(capsys, "out")
+    assert code == 0 and "--policies look_up.py:LookUp" in found["left_out"]["look_up.py:LookUp"]
+    assert {score["policy"] for score in found["scores"]} == {"stanley"} and not (there / "ran").exists()
+    monkeypatch.setattr(again, "SHARE", 1.0)
     code, found = verified(capsys, "out", "--policies", "look_up.py:LookUp")
-    assert code == 1 and not found["left_out"]
+    assert code == 1 and not found["left_out"] and (there / "ran").exists()
+    assert (found["driven_again"], found["differ"]) == (8, 0)
     (fault,) = found["faults"]
     assert fault.startswith("look_up.py:LookUp on slalom: return is ") and "on fresh episodes" in fault
     assert {score["policy"] for score in found["scores"] if score["worse"]} == {"look_up.py:LookUp"}
+    (there / "look_up.py").write_text(f"{LOOK_UP}# better")
+    code, found = verified(capsys, "out", "--policies", "look_up.py:LookUp")
+    assert code == 1 and found["faults"] == ["look_up.py:LookUp: its file is not the one of the run"]
 
 
 def test_an_entrant_that_patches_who_measures_it_is_found(there, capfd, monkeypatch):
@@ -225,21 +226,6 @@ def test_an_entrant_that_patches_who_measures_it_is_found(there, capfd, monkeypa
     text = capfd.readouterr().out
     assert "tampers.py:Tampers on slalom: 4 of 4 episodes driven again differ" in text and "8 differ" in text
     assert "\n0 differ" not in text and "tampers" not in sys.modules
-
-
-def test_own_code_runs_only_where_it_is_named_and_is_the_same(there, capsys, monkeypatch):
-    monkeypatch.setattr(fresh, "EPISODES", 2)
-    (there / "mine.py").write_text(MINE + "open('ran', 'a').write('x')\n")
-    assert main(["bench", "short.toml", "--policies", "stanley,mine.py:Mine", "--out", "out"]) == 0
-    (there / "ran").unlink()
-    code, found = verified(capsys, "out")
-    assert code == 0 and "--policies mine.py:Mine" in found["left_out"]["mine.py:Mine"]
-    assert not (there / "ran").exists() and {score["policy"] for score in found["scores"]} == {"stanley"}
-    code, found = verified(capsys, "out", "--policies", "mine.py:Mine")
-    assert code == 0 and not found["left_out"] and len(found["scores"]) == 2 and (there / "ran").exists()
-    (there / "mine.py").write_text(MINE)
-    code, found = verified(capsys, "out", "--policies", "mine.py:Mine")
-    assert code == 1 and found["faults"] == ["mine.py:Mine: its file is not the one of the run"]
 
 
 def test_what_cannot_be_verified_is_one_line(honest, there, capsys):

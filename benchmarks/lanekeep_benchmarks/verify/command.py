@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 from rich.text import Text
 
 from lanekeep_benchmarks.console import console, progress
-from lanekeep_benchmarks.endings import input_errors, interruptible, one_line, short
-from lanekeep_benchmarks.machine import this_machine
+from lanekeep_benchmarks.endings import input_errors, interruptible
 
 if TYPE_CHECKING:
-    from lanekeep_benchmarks.verify.again import Again
-    from lanekeep_benchmarks.verify.claims import Claims
     from lanekeep_benchmarks.verify.fresh import Fresh
+    from lanekeep_benchmarks.verify.verdict import Verdict
 
-#: Lines of the table of scores, above which only those that are worse are shown, and of what does not hold.
+#: Rows of the table of scores, above which only those that are worse are shown, and lines of what does not hold.
 MOST_ROWS, MOST_FAULTS = 60, 20
+_HEADINGS = ("policy", "scenario", "score", "claimed", "fresh", "difference, 95 %", "failed, claimed", "fresh", "")
 
 
 def verify(
@@ -47,122 +45,67 @@ def verify(
 
     docs/frozen-suite.md says what this does not find.
     """
-    from lanekeep_benchmarks.verify.again import drawn, drive_again
     from lanekeep_benchmarks.verify.claims import read_claims
-    from lanekeep_benchmarks.verify.fresh import EPISODES, drive_fresh
+    from lanekeep_benchmarks.verify.verdict import Verdict
 
     named = [name.strip() for name in (policies or "").split(",") if name.strip()]
     with interruptible(""), input_errors():
-        claims = read_claims(folder, named)
-        again: list[Again] = []
-        fresh: list[Fresh] = []
+        verdict = Verdict(folder, read_claims(folder, named))
         try:
-            episodes = drawn(claims)
-            pairs = sum(map(len, claims.plan.drivers.values()))
-            with progress() as bar:
-                total = sum(map(len, episodes.values())) + EPISODES * pairs
-                task = bar.add_task("again", total=total)
-                for one in drive_again(claims, episodes):
-                    again.append(one)
-                    bar.update(task, advance=one.episodes, description=f"again, {one.scenario}: {one.policy}")
-                seed, scores = drive_fresh(claims)
-                for score in scores:
-                    fresh.append(score)
-                    bar.update(task, advance=EPISODES, description=f"fresh, {score.scenario}: {score.policy}")
+            _drive(verdict)
         finally:
-            claims.close()
-    faults = _faults(claims, again, fresh)
+            verdict.claims.close()
     if as_json:
-        print(json.dumps(_plain(folder, claims, again, fresh, seed, faults)))
+        print(json.dumps(verdict.to_dict(), allow_nan=False))
     else:
-        _print(folder, claims, again, fresh, seed, faults)
-    raise typer.Exit(1 if faults else 0)
+        _print(verdict)
+    raise typer.Exit(1 if verdict.faults else 0)
 
 
-def _faults(claims: Claims, again: Sequence[Again], fresh: Sequence[Fresh]) -> list[str]:
-    """What does not hold, a line each."""
-    found = list(claims.faults)
-    for one in again:
-        found += [f"{one.policy} on {one.scenario}: {one.error}"] if one.error else []
-        for scenario, policy, episode, *_ in (differs.place for differs in one.differs[:1]):
-            first = one.differs[0]
-            bad = len({differs.place for differs in one.differs})
-            found.append(
-                f"{policy} on {scenario}: {bad} of {one.episodes} episodes driven again differ, e.g. {episode}: "
-                f"{first.field} is {_short(first.claimed)} in the folder, {_short(first.driven)} driven"
-            )
-    for score in fresh:
-        if score.error and not any(one.error and one.policy == score.policy for one in again):
-            found.append(f"{score.policy} on {score.scenario}, fresh episodes: {score.error}")
-        if score.worse(len(fresh)):
-            found.append(
-                f"{score.policy} on {score.scenario}: {score.key} is {score.claimed:.4g} in the folder, "
-                f"{score.fresh:.4g} on fresh episodes (by chance: {score.probability:.1g})"
-            )
-    return [short(one_line(fault)) for fault in found]
+def _drive(verdict: Verdict) -> None:
+    """Drive what is drawn, and show how far it is."""
+    from lanekeep_benchmarks.verify import again, fresh
+
+    claims = verdict.claims
+    episodes = again.drawn(claims)
+    with progress() as bar:
+        total = sum(map(len, episodes.values())) + fresh.EPISODES * sum(map(len, claims.plan.drivers.values()))
+        task = bar.add_task("again", total=total)
+        for one in again.drive_again(claims, episodes):
+            verdict.again.append(one)
+            bar.update(task, advance=one.episodes, description=f"again, {one.scenario}: {one.policy}")
+        verdict.seed, scores = fresh.drive_fresh(claims)
+        for score in scores:
+            verdict.fresh.append(score)
+            bar.update(task, advance=fresh.EPISODES, description=f"fresh, {score.scenario}: {score.policy}")
 
 
-def _short(value: Any) -> str:
-    return f"{value:.9g}" if isinstance(value, float) else str(value)
-
-
-def _plain(
-    folder: Path, claims: Claims, again: Sequence[Again], fresh: Sequence[Fresh], seed: int, faults: Sequence[str]
-) -> dict[str, Any]:
-    scores = [
-        {**one._asdict(), "difference": None if one.difference is None else vars(one.difference), "worse": worse}
-        for one in fresh
-        if (worse := one.worse(len(fresh))) is not None
-    ]
-    return {
-        "folder": str(folder),
-        "suite": claims.record.suite,
-        "holds": not faults,
-        "faults": list(faults),
-        "left_out": claims.left_out,
-        "machines": list(claims.record.machines),
-        "verified_on": this_machine(),
-        "driven_again": sum(one.episodes for one in again),
-        "lines": len(claims.lines),
-        "fresh_seed": seed,
-        "scores": scores,
-    }
-
-
-def _print(
-    folder: Path, claims: Claims, again: Sequence[Again], fresh: Sequence[Fresh], seed: int, faults: Sequence[str]
-) -> None:
-    there = console()
-    shown = fresh if len(fresh) <= MOST_ROWS else [one for one in fresh if one.worse(len(fresh))]
-    title = f"Fresh episodes, seed {seed}" + (f": worse in {len(shown)} of {len(fresh)}" if shown is not fresh else "")
+def _print(verdict: Verdict) -> None:
+    there, record, faults = console(), verdict.claims.record, verdict.faults
+    many = len(verdict.fresh) > MOST_ROWS
+    shown = verdict.worse if many else verdict.fresh
+    title = f"Fresh episodes, seed {verdict.seed}"
+    if many:
+        title += f": worse in {len(shown)} of {len(verdict.fresh)} comparisons; --json prints all"
     table = Table(title=Text(title), title_justify="left")
-    for place, heading in enumerate(
-        ("policy", "scenario", "score", "claimed", "fresh", "difference, 95 %", "failed, claimed", "fresh", "")
-    ):
+    for place, heading in enumerate(_HEADINGS):
         table.add_column(heading, justify="left" if place < 3 else "right")
     for one in shown:
-        table.add_row(*map(Text, _row(one, len(fresh))))
-    if shown:
-        there.print(table)
-    elif fresh:
-        there.print(f"{title}; --json prints all scores", highlight=False)
-    driven = sum(one.episodes for one in again)
-    differ = len({differs.place for one in again for differs in one.differs})
-    drawn = f"Driven again: {driven} of {len(claims.lines)} episodes, drawn by chance; {differ} differ"
-    there.print(Text(drawn), soft_wrap=True)
-    for machine in claims.record.machines:
-        there.print(Text(f"Claimed on {', '.join(f'{key} {value}' for key, value in machine.items())}"), soft_wrap=True)
-    for name, why in claims.left_out.items():
-        there.print(Text(f"Not driven: {name}: {why}"), soft_wrap=True)
-    for fault in faults[:MOST_FAULTS]:
-        there.print(Text(f"Does not hold: {fault}"), soft_wrap=True)
+        table.add_row(*map(Text, _row(one, one in verdict.worse)))
+    there.print(table if shown else Text(title))
+    lines = [f"Claimed of {record.suite}: {record.episodes} episodes of each scenario, seed {record.seed}"]
+    lines += [f"Claimed on {', '.join(f'{key} {value}' for key, value in one.items())}" for one in record.machines]
+    lines += [f"Driven again: {verdict.driven} of {len(verdict.claims.lines)} episodes; {verdict.differ} differ"]
+    lines += [f"Not driven: {name}: {why}" for name, why in verdict.claims.left_out.items()]
+    lines += [f"Does not hold: {fault}" for fault in faults[:MOST_FAULTS]]
     if len(faults) > MOST_FAULTS:
-        there.print(Text(f"Does not hold: {len(faults) - MOST_FAULTS} more; --json prints all"))
-    what = "does not hold" if faults else "holds for every policy that was driven"
-    there.print(Text(f"{folder}: {what}"), soft_wrap=True)
+        lines.append(f"Does not hold: {len(faults) - MOST_FAULTS} more; --json prints all")
+    lines.append(f"{verdict.folder}: {'does not hold' if faults else 'holds for every policy that was driven'}")
+    for line in lines:
+        there.print(Text(line), soft_wrap=True)
 
 
-def _row(one: Fresh, comparisons: int) -> tuple[str, ...]:
+def _row(one: Fresh, worse: bool) -> tuple[str, ...]:
     if one.difference is None:
         return one.policy, one.scenario, "", "", "", "", "", "", "fails"
     difference = one.difference
@@ -174,5 +117,5 @@ def _row(one: Fresh, comparisons: int) -> tuple[str, ...]:
         f"{one.fresh:.4g}",
         f"{difference.value:+.3g} ({difference.low:+.3g}…{difference.high:+.3g})",
         *(f"{100 * rate:.1f} %" for rate in one.failed),
-        "worse" if one.worse(comparisons) else "",
+        "worse" if worse else "",
     )
