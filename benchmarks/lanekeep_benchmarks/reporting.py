@@ -19,8 +19,7 @@ from lanekeep_benchmarks.report import failures, markdown
 from lanekeep_benchmarks.results import PAGE, SUMMARY, TABLE, ResultFolder
 from lanekeep_benchmarks.suites import SuiteScenario
 from lanekeep_benchmarks.summary import parts_of, rows_of, summarise
-from lanekeep_benchmarks.web import page
-from lanekeep_benchmarks.web.data import Drives, drive_chosen, page_data
+from lanekeep_benchmarks.web.data import Drives, drive_chosen, page_of
 
 
 def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
@@ -40,8 +39,7 @@ def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
             drawn = {label: row[0] for label, row in rows_of(plan.drivers[scenario.name]).items()}
             traces = {policy: drives[scenario.name][policy] for policy in drawn.values()}
             _draw_episode(plan, folder, scenario, traces, [drawn[label] for label in shown])
-    title = f"{summary['suite']}: {summary['description']}"
-    folder.write(PAGE, page(title, page_data(plan, summary, drives)))
+    folder.write(PAGE, page_of(plan, summary, drives))
     return summary
 
 
