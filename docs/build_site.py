@@ -99,7 +99,14 @@ def configuration(folder: Path) -> dict[str, Any]:
         # What the search takes on pages from disk; the plugin would have it fetched.
         "extra": {"generator": False, "polyfills": [SHIM]},
         "nav": [
-            {"Start": ["index.md", {"Install, first drive": "start.md"}, {"The benchmark": "benchmark.md"}]},
+            {
+                "Start": [
+                    "index.md",
+                    {"Install, first drive": "start.md"},
+                    {"The benchmark": "benchmark.md"},
+                    "frozen-suite.md",
+                ]
+            },
             {"How to": [f"{name}.md" for name in _GUIDES]},
             {"Environments": ["environments/index.md", *env_pages]},
             {"Controllers": ["controllers/index.md", {"All of them, explained": "baselines.md"}, *policies]},

@@ -62,15 +62,16 @@ def _sorted(lines: Iterable[EpisodeResult]) -> Lines:
 def _scenario(entry: dict[str, Any], summary: Mapping[str, Any], driven: Lines, bounds: Lines) -> dict[str, Any]:
     name = entry["scenario"]
     labels = rows_of(list(dict.fromkeys(policy for scenario, policy in driven if scenario == name)))
+    reference = entry["policies"][0]["policy"]
     common = sorted(bounds.get((name, BOUND), {}).keys() & range(summary["episodes"]))
     if not common or RETURN not in entry["policies"][0]["metrics"]:
         return {**entry, "bounds": []}
-    reference = _lines(driven, name, labels[summary["reference"]], common)
+    theirs = _lines(driven, name, labels[reference], common)
     rows = []
     for policy in (BOUND, TOLD):
         if (name, policy) in bounds:
-            beside = [reference, _lines(bounds, name, [policy], common)]
-            row = summarise_rows(beside, [summary["reference"], policy])[1]
+            beside = [theirs, _lines(bounds, name, [policy], common)]
+            row = summarise_rows(beside, [reference, policy])[1]
             # Who has won an episode is between policies.
             rows.append({**row, "won": None, "episodes": len(common)})
     best = rows[0]["metrics"][RETURN]["value"]

@@ -37,6 +37,7 @@ from lanekeep_benchmarks.play_command import POLICY, play_command
 from lanekeep_benchmarks.replicate_command import replicate
 from lanekeep_benchmarks.suites import ENDING, SUITES
 from lanekeep_benchmarks.train_command import train
+from lanekeep_benchmarks.verify.command import verify
 from lanekeep_benchmarks.warmup_command import warmup
 from lanekeep_benchmarks.zoo import zoo
 
@@ -71,6 +72,7 @@ app.command(name="margins")(margins_command)
 app.command()(train)
 app.command()(distil)
 app.command()(replicate)
+app.command()(verify)
 app.command()(zoo)
 app.command()(warmup)
 app.add_typer(new, name="new")
@@ -175,7 +177,7 @@ def _print_report(summary: dict[str, Any], as_json: bool) -> None:
         return
     there = console()
     for entry in summary["scenarios"]:
-        there.print(terminal_table(entry, summary["reference"], there.width))
+        there.print(terminal_table(entry, entry["policies"][0]["policy"], there.width))
     there.print(caption(summary), highlight=False)
     there.print(f"Results, tables and plots: {summary['folder']}", highlight=False, soft_wrap=True)
     there.print(f"To explore in a browser: {Path(summary['folder']) / PAGE}", highlight=False, soft_wrap=True)

@@ -99,7 +99,7 @@ class Batch:
 
     scenario: SuiteScenario
     policy: str
-    numbers: range
+    numbers: Sequence[int]
     missing: frozenset[int]
 
     @property
@@ -119,18 +119,23 @@ class Driven(NamedTuple):
 
 
 def batches(
-    suite: Suite, policies: Sequence[str], episodes: int, done: Collection[Place] = frozenset(), cars: int | None = None
+    suite: Suite,
+    drivers: Mapping[str, Sequence[str]],
+    episodes: int,
+    done: Collection[Place] = frozenset(),
+    cars: int | None = None,
 ) -> Iterator[Batch]:
     """Yield what has to be driven, scenario by scenario, chunk by chunk of episodes, policy by policy.
 
-    Episodes in ``done`` are left out. A chunk of which some are done is driven whole all the same: with the same
-    neighbours the result is the same even where a policy's rows are not independent to the last bit.
+    ``drivers`` has the policies of each scenario. Episodes in ``done`` are left out. A chunk of which some are done is
+    driven whole all the same: with the same neighbours the result is the same even where a policy's rows are not
+    independent to the last bit.
     """
     cars = cars or CARS
     for scenario in suite.scenarios:
         for first in range(0, episodes, cars):
             numbers = range(first, min(first + cars, episodes))
-            for name in policies:
+            for name in drivers[scenario.name]:
                 missing = frozenset(n for n in numbers if (scenario.name, name, n) not in done)
                 if missing:
                     yield Batch(scenario, name, numbers, missing)
@@ -221,6 +226,7 @@ def evaluate(
 ) -> Iterator[list[EpisodeResult]]:
     """Yield the results of batch after batch (`batches`), as they finish."""
     driver = Driver(suite.name, seed, make_policy)
-    for batch in batches(suite, policies, episodes, done, cars):
+    drivers = {scenario.name: policies for scenario in suite.scenarios}
+    for batch in batches(suite, drivers, episodes, done, cars):
         yield driver.drive(batch).results
     driver.close()

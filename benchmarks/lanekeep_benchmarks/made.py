@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -55,8 +55,8 @@ def _made(scenario: SuiteScenario) -> Made:
     return Made(definition, metrics)
 
 
-def policies_of(suite: Suite, definitions: Iterable[Any], where: str) -> list[str]:
-    """Return the names of the policies that drive a suite by default, its reference first.
+def policies_of(suite: Suite, definitions: Mapping[str, Any], where: str) -> list[str]:
+    """Return the names of the policies that drive a suite by default, its reference first; definitions by scenario.
 
     Raises:
         ValueError: it lists an unknown one, or its reference is none of them.
@@ -64,7 +64,11 @@ def policies_of(suite: Suite, definitions: Iterable[Any], where: str) -> list[st
     try:
         for name in suite.policies:
             check_policy(name)
-        names = default_policies(definitions, suite.policies, suite.learned)
+        able = [
+            default_policies([definitions[one.name] for one in part], suite.policies, suite.learned)
+            for part in suite.parts.values()
+        ]
+        names = list(dict.fromkeys(name for part in able for name in part))
         if suite.reference and suite.reference not in names:
             check_policy(suite.reference)
             raise ValueError(f"reference={suite.reference!r} is none of its policies: {', '.join(names)}")

@@ -11,7 +11,7 @@ import inspect
 import os
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -129,22 +129,30 @@ def _failed(text: str, error: Exception) -> OwnCodeError:
 
 
 def sha256_of(factory: Any) -> str | None:
-    """SHA-256 of the code of a function, a class or an object's class; None where there is no file.
+    """SHA-256 of the code of a function, a class or an object's class; None where there is no file."""
+    return sha256_of_files(files_of(factory))
 
-    It is that of its file and, where a person named that, of what the file imported from its own folder as it was
-    imported itself.
+
+def files_of(factory: Any) -> list[Path]:
+    """The file of the code of a function, a class or an object's class; none where there is none.
+
+    After it, where a person named it, what it imported from its own folder as it was imported itself.
     """
     try:
         thing = factory if hasattr(factory, "__code__") else inspect.unwrap(_class_of(factory))
         file = inspect.getsourcefile(thing)
-        if file is None:
-            return None
-        digest = hashlib.sha256(read_bounded(file, LARGEST_SOURCE))
-        for beside in _BESIDE.get(thing.__module__, ()):
-            digest.update(b"\0" + read_bounded(beside, LARGEST_SOURCE))
-        return digest.hexdigest()
-    except (TypeError, OSError, ValueError):
+    except TypeError:
+        return []
+    return [] if file is None else [Path(file), *_BESIDE.get(thing.__module__, ())]
+
+
+def sha256_of_files(files: Sequence[Path]) -> str | None:
+    """SHA-256 of files of code together; None where there is none, or one cannot be read."""
+    try:
+        contents = [read_bounded(file, LARGEST_SOURCE) for file in files]
+    except (OSError, ValueError):
         return None
+    return hashlib.sha256(b"\0".join(contents)).hexdigest() if contents else None
 
 
 def _class_of(thing: Any) -> Any:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,16 +13,17 @@ from lanekeep_benchmarks.engines import Engine
 from lanekeep_benchmarks.evaluate import Policy
 from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.made import make_definitions, policies_of
+from lanekeep_benchmarks.own_code import OwnCodeError
 from lanekeep_benchmarks.policies import Entry, default_policies, entry_of
 from lanekeep_benchmarks.run_record import MOST_EPISODES, RunRecord, code_hash
-from lanekeep_benchmarks.suites import ENDING, Suite, find_suite, road_suite
+from lanekeep_benchmarks.suites import ENDING, Suite, SuiteScenario, check_frozen, find_suite, road_suite
 from lanekeep_env.checks import require, shown, shown_path
 from lanekeep_env.scenario import RoadScenario
 
 
 @dataclass
 class Plan:
-    """What a run does; ``results`` fill while it drives."""
+    """What a run does; ``drivers`` has the policies of each scenario, ``results`` fill while it drives."""
 
     suite: Suite
     entries: dict[str, Entry]
@@ -33,6 +34,7 @@ class Plan:
     suite_file: str | None = None
     trace: bool = False
     engine: Engine = field(default_factory=Engine)
+    drivers: dict[str, list[str]] = field(default_factory=dict)
     scenario_hash: dict[str, str] = field(default_factory=dict)
     policy_sha256: dict[str, str] = field(default_factory=dict)
     metrics: dict[str, list[str]] = field(default_factory=dict)
@@ -54,7 +56,7 @@ class Plan:
     @property
     def total(self) -> int:
         """Number of episodes to drive."""
-        return len(self.suite.scenarios) * len(self.policies) * self.episodes
+        return sum(map(len, self.drivers.values())) * self.episodes
 
     @property
     def record(self) -> RunRecord:
@@ -107,7 +109,7 @@ def make_plan(
     made = make_definitions(chosen, where)
     definitions = {name: one.definition for name, one in made.items()}
     if policies is None:
-        entries = [entry_of(name, code=False) for name in policies_of(chosen, definitions.values(), where)]
+        entries = [entry_of(name, code=False) for name in policies_of(chosen, definitions, where)]
     else:
         fitting = partial(default_policies, list(definitions.values()), learned=True)
         entries = [entry_of(given, fitting=fitting) for given in policies]
@@ -117,19 +119,62 @@ def make_plan(
     plan = Plan(
         chosen, dict(zip(names, entries, strict=True)), episodes or chosen.episodes, seed, road, smoothing, file
     )
+    for scenario in chosen.scenarios:
+        plan.scenario_hash[scenario.name] = scenario.hash(definitions[scenario.name].hash)
+        plan.metrics[scenario.name] = list(made[scenario.name].metrics)
+    check_frozen(chosen, plan.scenario_hash)
+    plan.drivers |= _drivers(plan, definitions)
+    # What nobody drives is no part of the run.
+    plan.suite = replace(chosen, scenarios=tuple(one for one in chosen.scenarios if plan.drivers[one.name]))
+    for of in (plan.drivers, plan.scenario_hash, plan.metrics):
+        for name in definitions.keys() - {one.name for one in plan.suite.scenarios}:
+            del of[name]
     if plan.total > MOST_EPISODES:
         raise ValueError(
             f"--episodes {plan.episodes} is not allowed: over {len(chosen.scenarios)} scenarios and {len(names)} "
             f"policies these are {plan.total} episodes, allowed are {MOST_EPISODES}"
         )
-    for scenario in chosen.scenarios:
-        definition = definitions[scenario.name]
-        plan.scenario_hash[scenario.name] = scenario.hash(definition.hash)
-        plan.metrics[scenario.name] = list(made[scenario.name].metrics)
-        for name in names:
-            try:
-                plan.policy(name, scenario.policies_scenario(definition))
-            except (ValueError, ImportError) as error:
-                raise ValueError(f"{name} cannot drive {scenario.name} of {chosen.name}: {error}") from error
     plan.policy_sha256 |= {entry.name: entry.sha256 for entry in entries if entry.sha256 is not None}
     return plan
+
+
+def _drivers(plan: Plan, definitions: Mapping[str, Any]) -> dict[str, list[str]]:
+    """The policies of each scenario, all of which are made here.
+
+    Raises:
+        ValueError: one cannot drive a scenario; where each environment has its own, none at all.
+    """
+    drivers: dict[str, list[str]] = {scenario.name: [] for scenario in plan.suite.scenarios}
+    for name in plan.policies:
+        why: ValueError | None = None
+        drives = False
+        for part in plan.suite.parts.values():
+            try:
+                for scenario in part:
+                    _check_drives(plan, name, scenario, definitions[scenario.name])
+            except ValueError as error:
+                if not plan.suite.per_environment or _fails(error):
+                    raise
+                why = why or error
+                continue
+            drives = True
+            for scenario in part:
+                drivers[scenario.name].append(name)
+        if why is not None and not drives:
+            raise why
+    return drivers
+
+
+def _check_drives(plan: Plan, name: str, scenario: SuiteScenario, definition: Any) -> None:
+    try:
+        plan.policy(name, scenario.policies_scenario(definition))
+    except (ValueError, ImportError) as error:
+        raise ValueError(f"{name} cannot drive {scenario.name} of {plan.suite.name}: {error}") from error
+
+
+def _fails(error: ValueError) -> bool:
+    """Whether a policy is broken or lacks a package, where others refuse a scenario."""
+    cause = error.__cause__
+    return isinstance(cause, ImportError) or (
+        isinstance(cause, OwnCodeError) and not isinstance(cause.__cause__, ValueError)
+    )

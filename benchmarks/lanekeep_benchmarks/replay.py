@@ -13,7 +13,7 @@ from lanekeep_benchmarks.own_code import is_code
 from lanekeep_benchmarks.policies import FILE, Entry, entry_of, known_policies
 from lanekeep_benchmarks.results import EPISODES, LARGEST_LINES, read_lines
 from lanekeep_benchmarks.run_record import RUN, AnotherRun, RunRecord
-from lanekeep_benchmarks.suites import SuiteScenario, find_suite, road_suite
+from lanekeep_benchmarks.suites import Suite, SuiteScenario, find_suite, road_suite
 from lanekeep_env.checks import choose, shown, shown_path
 from lanekeep_env.files import read_bounded
 
@@ -49,19 +49,8 @@ def find_line(folder: Path, episode: int, scenario: str | None, policy: str | No
     Raises:
         ValueError, OSError: there is no such line, or the run was made by another version or with other files.
     """
-    try:
-        record = RunRecord.read(folder)
-    except AnotherRun as other:
-        raise ValueError(
-            f"--run {shown_path(folder)} cannot be driven again as it was: {other.differences}; {other.advice}"
-        ) from None
-    if record is None:
-        raise ValueError(f"--run {shown_path(folder)} holds no run: {RUN} is missing")
-    suite = (
-        find_suite(record.suite_file or record.suite)
-        if record.road is None
-        else road_suite(Path(record.road), record.smoothing)
-    )
+    record = record_in(folder, "--run ")
+    suite = suite_of(record)
     scenarios = {one.name: one for one in suite.scenarios}
     name = _only("--scenario", scenario, list(scenarios))
     label = _only("--policy", policy, list(record.policies))
@@ -90,6 +79,30 @@ def find_line(folder: Path, episode: int, scenario: str | None, policy: str | No
     if record.policy_sha256.get(label) != entry.sha256:
         raise ValueError(f"policy {shown(label)} is not the one of the run: its file has changed")
     return Replay(line, scenarios[name], entry)
+
+
+def record_in(folder: Path, option: str = "") -> RunRecord:
+    """Return the record of a run that is to be driven again; errors begin with the ``option`` that names its folder.
+
+    Raises:
+        ValueError: there is none, or it was made by another version or other sources.
+    """
+    try:
+        record = RunRecord.read(folder)
+    except AnotherRun as other:
+        raise ValueError(
+            f"{option}{shown_path(folder)} cannot be driven again as it was: {other.differences}; {other.advice}"
+        ) from None
+    if record is None:
+        raise ValueError(f"{option}{shown_path(folder)} holds no run: {RUN} is missing")
+    return record
+
+
+def suite_of(record: RunRecord) -> Suite:
+    """Return the suite of a run; ValueError or OSError where its file or its road's is missing or damaged."""
+    if record.road is not None:
+        return road_suite(Path(record.road), record.smoothing)
+    return find_suite(record.suite_file or record.suite)
 
 
 def _only(option: str, given: str | None, allowed: list[str]) -> str:

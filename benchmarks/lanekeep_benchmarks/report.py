@@ -14,7 +14,7 @@ from rich.text import Text
 from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.metrics import METRICS, Metric
 from lanekeep_benchmarks.statistics import BOOTSTRAP_FROM, MARKS_FROM
-from lanekeep_benchmarks.summary import RATE, RETURN, columns_of
+from lanekeep_benchmarks.summary import RATE, RETURN, columns_of, parts_of
 
 #: How a cell shows that the interval of the paired difference to the reference excludes zero.
 MARKS = {"better": " ▲", "worse": " ▼", "tie": ""}
@@ -85,9 +85,10 @@ def caption(summary: dict[str, Any]) -> str:
         if any(row["seeds"] > 1 for row in rows)
         else ""
     )
-    marks = f"; ▲ better, ▼ worse than {summary['reference']}"
+    reference = summary["reference"] or "the first of each table"
+    marks = f"; ▲ better, ▼ worse than {reference}"
     if episodes < MARKS_FROM:
-        marks = f"; from {MARKS_FROM} episodes on, marks say what is better or worse than {summary['reference']}"
+        marks = f"; from {MARKS_FROM} episodes on, marks say what is better or worse than {reference}"
     if len(rows) == len(summary["scenarios"]):
         marks = ""
     means = "studentised bootstrap over episodes" if episodes >= BOOTSTRAP_FROM else "Student's"
@@ -166,10 +167,15 @@ def _folded(name: str, width: int) -> str:
     return "\n".join(lines)
 
 
-def overview(summary: dict[str, Any]) -> list[str]:
+def overview(summary: dict[str, Any], part: str = "") -> list[str]:
     """Who wins where, as lines of Markdown: the return of every policy on every scenario, and what share failed."""
     scenarios = summary["scenarios"]
-    lines = ["", "## Return", "", f"| policy | {' | '.join(scenario['scenario'] for scenario in scenarios)} |"]
+    lines = [
+        "",
+        f"## Return: {part}" if part else "## Return",
+        "",
+        f"| policy | {' | '.join(scenario['scenario'] for scenario in scenarios)} |",
+    ]
     lines.append(f"|---{'|---:' * len(scenarios)}|")
     for rows in zip(*(scenario["policies"] for scenario in scenarios), strict=True):
         lines.append(f"| {rows[0]['policy']} | {' | '.join(map(_overview_cell, rows))} |")
@@ -228,14 +234,16 @@ def replay_command(folder: Path, scenario: str, policy: str, episode: int | str)
 def markdown(summary: dict[str, Any]) -> str:
     """All tables of a run as Markdown."""
     lines = [f"# {summary['suite']}: {summary['description']}", "", caption(summary) + "."]
-    if len(summary["scenarios"]) > 1 and all(RETURN in s["policies"][0]["metrics"] for s in summary["scenarios"]):
-        lines += overview(summary)
+    for name, part in parts_of(summary).items():
+        if len(part["scenarios"]) > 1 and all(RETURN in s["policies"][0]["metrics"] for s in part["scenarios"]):
+            lines += overview(part, name)
     lines += improvement(summary)
     for scenario in summary["scenarios"]:
         columns = columns_of(scenario["policies"])
         bounded = scenario.get("bounds")
-        names = headings(columns, summary["reference"], bool(bounded))
-        lines += ["", f"## {scenario['title']}", ""]
+        names = headings(columns, scenario["policies"][0]["policy"], bool(bounded))
+        title = scenario["title"] if len(summary["parts"]) == 1 else f"{scenario['scenario']}: {scenario['title']}"
+        lines += ["", f"## {title}", ""]
         lines += [f"{NONE_KNOWN.capitalize()}.", ""] if bounded == [] else []
         lines += [f"| {' | '.join(names)} |", f"|---{'|---:' * (len(names) - 1)}|"]
         for row in rows_in(scenario):

@@ -18,9 +18,8 @@ from lanekeep_benchmarks.plan import Plan
 from lanekeep_benchmarks.report import failures, markdown
 from lanekeep_benchmarks.results import PAGE, SUMMARY, TABLE, ResultFolder
 from lanekeep_benchmarks.suites import SuiteScenario
-from lanekeep_benchmarks.summary import rows_of, summarise
-from lanekeep_benchmarks.web import page
-from lanekeep_benchmarks.web.data import Drives, drive_chosen, page_data
+from lanekeep_benchmarks.summary import parts_of, rows_of, summarise
+from lanekeep_benchmarks.web.data import Drives, drive_chosen, page_of
 
 
 def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
@@ -28,17 +27,19 @@ def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
     summary = with_bounds(summarise(plan.suite, plan.results, plan.policies), plan.results, folder.path)
     folder.write(SUMMARY, json.dumps(summary, indent=1, allow_nan=False) + "\n")
     folder.write(TABLE, markdown(summary) + failures(plan.results))
-    folder.write("plot_errors.png", plots.plot_errors(summary))
-    folder.write("plot_profiles.png", plots.plot_profiles(summary, _first_metrics(plan)))
-    # One training seed shows what the others do; more would hide the other policies.
-    drawn = {label: row[0] for label, row in rows_of(plan.policies).items()}
-    shown = [drawn[label] for label in interesting(summary)]
-    drives = {}
-    for scenario in plan.suite.scenarios:
-        drives[scenario.name] = drive_chosen(plan, scenario)
-        _draw_episode(plan, folder, scenario, {name: drives[scenario.name][name] for name in drawn.values()}, shown)
-    title = f"{summary['suite']}: {summary['description']}"
-    folder.write(PAGE, page(title, page_data(plan, summary, drives)))
+    drives = {scenario.name: drive_chosen(plan, scenario) for scenario in plan.suite.scenarios}
+    values = _first_metrics(plan)
+    for name, part in parts_of(summary).items():
+        of_part = f"_{name}" if name else ""
+        folder.write(f"plot_errors{of_part}.png", plots.plot_errors(part))
+        folder.write(f"plot_profiles{of_part}.png", plots.plot_profiles(part, values))
+        shown = interesting(part)
+        for scenario in plan.suite.parts[name]:
+            # One training seed shows what the others do; more would hide the other policies.
+            drawn = {label: row[0] for label, row in rows_of(plan.drivers[scenario.name]).items()}
+            traces = {policy: drives[scenario.name][policy] for policy in drawn.values()}
+            _draw_episode(plan, folder, scenario, traces, [drawn[label] for label in shown])
+    folder.write(PAGE, page_of(plan, summary, drives))
     return summary
 
 

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 
 from lanekeep_benchmarks.evaluate import Driven
 from lanekeep_benchmarks.lines import EpisodeResult
+from lanekeep_benchmarks.machine import this_machine
 from lanekeep_benchmarks.run_record import ANEW, RUN, AnotherRun, RunRecord, told
 from lanekeep_benchmarks.traces import FOLDER
 from lanekeep_env.files import locked, open_to_append, read_bounded, require_ordinary, write_atomic
@@ -112,6 +114,7 @@ class ResultFolder:
         self.path = path
         self.earlier: list[EpisodeResult] = []
         self.torn = False
+        self._machines: list[Mapping[str, str]] = [this_machine()]
         self._open = ExitStack()
         try:
             self._open.enter_context(locked(path))
@@ -127,7 +130,7 @@ class ResultFolder:
             self._lines = self._open.enter_context(open_to_append(path / EPISODES))
             if overwrite:
                 self._clear()
-            write_atomic(path / RUN, record.to_json())
+            write_atomic(path / RUN, replace(record, machines=self._machines).to_json())
             self._lines.truncate(whole)
         except BaseException:
             self._open.close()
@@ -174,6 +177,8 @@ class ResultFolder:
         if mended & {line.policy for line in self.earlier}:
             raise AnotherRun(self.path, differences)
         self.torn = len(content) > whole
+        before = [] if found is None else list(found.machines)
+        self._machines = before + [one for one in self._machines if one not in before]
         return whole
 
     def _clear(self) -> None:

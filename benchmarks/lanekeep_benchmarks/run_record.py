@@ -67,6 +67,7 @@ class RunRecord:
     ``road`` and ``suite_file`` are paths of files, None where the package's own is driven; ``policy_sha256`` tells
     learned policies and own code from others of their name; ``metrics`` has the names of those of each scenario;
     ``smoothing`` is that of the road, m. ``trace`` keeps the steps of all episodes, not only of those that failed.
+    ``machines`` are those that the run was begun and resumed on, as `this_machine` tells; they may differ.
     """
 
     version: str
@@ -82,6 +83,7 @@ class RunRecord:
     suite_file: str | None = None
     trace: bool = False
     smoothing: float | None = None
+    machines: Sequence[Mapping[str, str]] = ()
 
     def to_json(self) -> str:
         """The content of `run.json`."""
@@ -127,6 +129,12 @@ class RunRecord:
                 raise ValueError(f"{name}={shown(path)} is not allowed: it must be a path or null")
         require("smoothing", self.smoothing, "m", at_least=0.0, at_most=100.0, optional=True)
         _texts("policies", self.policies)
+        if not isinstance(self.machines, list | tuple):
+            raise ValueError(f"machines={shown(self.machines)} is not allowed: it must be a list")
+        for machine in self.machines:
+            require_mapping("machines", machine)
+            for key, value in machine.items():
+                _text(f"machines {shown(key)}", value)
         for name, kind in (("scenario_hash", _text), ("policy_sha256", _text), ("metrics", _texts)):
             require_mapping(name, getattr(self, name))
             for key, value in getattr(self, name).items():

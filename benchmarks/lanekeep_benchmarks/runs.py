@@ -101,7 +101,7 @@ def drive(plan: Plan, folder: ResultFolder) -> Iterator[tuple[str, int]]:
         {name: entry.given for name, entry in plan.entries.items()},
         plan.policy_sha256,
     )
-    missing = batches(plan.suite, plan.policies, plan.episodes, done)
+    missing = batches(plan.suite, plan.drivers, plan.episodes, done)
     for lines in written(folder, drive_all(plan.engine, work, missing, plan.policy)):
         plan.results += lines
         yield f"{lines[0].scenario}: {lines[0].policy}", len(lines)

@@ -219,3 +219,23 @@ def performance_profile(values: NDArray[np.float64], thresholds: NDArray[np.floa
     """
     ordered = np.sort(np.asarray(values, dtype=np.float64), axis=None)
     return 1.0 - np.searchsorted(ordered, thresholds, side="right") / ordered.size
+
+
+def unpaired_means(ours: NDArray[np.float64], theirs: NDArray[np.float64], confidence: float = CONFIDENCE) -> Interval:
+    """Difference of two means over different episodes, ours minus theirs, with Welch's interval.
+
+    Source: B. L. Welch, The generalization of 'Student's' problem when several different population variances are
+    involved, Biometrika 34 (1947).
+    """
+    from scipy.stats import t
+
+    value = float(ours.mean() - theirs.mean())
+    if min(len(ours), len(theirs)) < 2:
+        return Interval(value, math.nan, math.nan)
+    parts = [(values.var(ddof=1) / len(values), len(values) - 1) for values in (ours, theirs)]
+    variance = sum(part for part, _ in parts)
+    if not variance > 0.0:
+        return Interval(value, value, value)
+    freedom = variance**2 / sum(part**2 / free for part, free in parts)
+    half = float(t.ppf(0.5 + confidence / 2, freedom) * math.sqrt(variance))
+    return Interval(value, value - half, value + half)

@@ -25,7 +25,7 @@ from lanekeep_benchmarks.statistics import (
     student_means,
     wilson,
 )
-from lanekeep_benchmarks.suites import Suite
+from lanekeep_benchmarks.suites import Suite, SuiteScenario
 
 #: Key of the failure rate beside those of the metrics in differences and verdicts.
 RATE = "failure_rate"
@@ -59,7 +59,9 @@ def summarise(suite: Suite, results: Iterable[EpisodeResult], policies: Sequence
     """Summary of a run: for each scenario and policy every metric with its interval, as plain JSON-able data.
 
     Differences are paired, policy minus reference on the same episodes; the reference is the first policy. Training
-    seeds of one policy are one row, whose intervals are over seeds and episodes.
+    seeds of one policy are one row, whose intervals are over seeds and episodes. ``parts`` has the names of scenarios
+    that the same policies drive (`Suite.parts`); where there are several, each has its reference, the first that drives
+    it, ``reference`` is None, and runs have no probability of improvement over the whole.
 
     Raises:
         ValueError: a policy has no results on a scenario, or not those of the reference's episodes.
@@ -67,43 +69,62 @@ def summarise(suite: Suite, results: Iterable[EpisodeResult], policies: Sequence
     table: dict[tuple[str, str], list[EpisodeResult]] = {}
     for result in results:
         table.setdefault((result.scenario, result.policy), []).append(result)
+    whole = not suite.per_environment
+    found: dict[str, dict[str, Any]] = {}
+    for part in suite.parts.values():
+        those = [name for name in policies if whole or any((scenario.name, name) in table for scenario in part)]
+        found |= {scenario.name: _scenario(scenario, table, those) for scenario in part if those}
+    scenarios = [found[scenario.name] for scenario in suite.scenarios if scenario.name in found]
+    parts = {name: [scenario.name for scenario in part if scenario.name in found] for name, part in suite.parts.items()}
     rows = rows_of(policies)
-    scenarios = []
-    for scenario in suite.scenarios:
-        for name in policies:
-            if (scenario.name, name) not in table:
-                raise ValueError(f"{scenario.name}: there are no results of {name}")
-        by_policy = {name: sorted(table[scenario.name, name], key=lambda result: result.episode) for name in policies}
-        first = by_policy[policies[0]]
-        for name, lines in by_policy.items():
-            if [line.episode_seed for line in lines] != [line.episode_seed for line in first]:
-                raise ValueError(f"{scenario.name}: {name} and {policies[0]} have not driven the same episodes")
-        scenarios.append(
-            {
-                "scenario": scenario.name,
-                "title": scenario.title,
-                "scenario_hash": first[0].scenario_hash,
-                "env_id": scenario.env_id,
-                "keywords": dict(scenario.keywords),
-                "told": dict(scenario.told),
-                "options": dict(scenario.options),
-                "max_episode_steps": scenario.max_episode_steps,
-                "policies": summarise_rows([[by_policy[name] for name in row] for row in rows.values()], list(rows)),
-            }
-        )
     any_line = next(iter(table.values()))[0]
     return {
         "suite": suite.name,
         "description": suite.description,
         "version": any_line.version,
         "seed": any_line.seed,
-        "episodes": len(first),
+        "episodes": max(map(len, table.values())),
         "confidence": CONFIDENCE,
         "resamples": RESAMPLES,
-        "reference": next(iter(rows)),
+        "reference": next(iter(rows)) if whole else None,
+        "parts": {name: names for name, names in parts.items() if names},
         "scenarios": scenarios,
-        "improvement": _improvement(suite, table, rows),
+        "improvement": _improvement(suite, table, rows) if whole else {},
     }
+
+
+def _scenario(
+    scenario: SuiteScenario, table: Mapping[tuple[str, str], Sequence[EpisodeResult]], policies: Sequence[str]
+) -> dict[str, Any]:
+    for name in policies:
+        if (scenario.name, name) not in table:
+            raise ValueError(f"{scenario.name}: there are no results of {name}")
+    by_policy = {name: sorted(table[scenario.name, name], key=lambda result: result.episode) for name in policies}
+    first = by_policy[policies[0]]
+    for name, lines in by_policy.items():
+        if [line.episode_seed for line in lines] != [line.episode_seed for line in first]:
+            raise ValueError(f"{scenario.name}: {name} and {policies[0]} have not driven the same episodes")
+    rows = rows_of(policies)
+    return {
+        "scenario": scenario.name,
+        "title": scenario.title,
+        "scenario_hash": first[0].scenario_hash,
+        "env_id": scenario.env_id,
+        "keywords": dict(scenario.keywords),
+        "told": dict(scenario.told),
+        "options": dict(scenario.options),
+        "max_episode_steps": scenario.max_episode_steps,
+        "policies": summarise_rows([[by_policy[name] for name in row] for row in rows.values()], list(rows)),
+    }
+
+
+def parts_of(summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """A summary of each part of a run, whose scenarios the same policies drive, by its name; as a rule there is one."""
+    found = {}
+    for name, names in summary["parts"].items():
+        scenarios = [entry for entry in summary["scenarios"] if entry["scenario"] in names]
+        found[name] = {**summary, "scenarios": scenarios, "reference": scenarios[0]["policies"][0]["policy"]}
+    return found
 
 
 def _improvement(

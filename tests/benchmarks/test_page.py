@@ -23,6 +23,7 @@ from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.policies import entry_of
 from lanekeep_benchmarks.suites import SUITES
 from lanekeep_benchmarks.web import LIBRARY, page
+from lanekeep_benchmarks.web import data as web_data
 from lanekeep_benchmarks.web.data import _packed
 from lanekeep_benchmarks.web.drives import FAILURES, chosen, recorded
 
@@ -101,6 +102,19 @@ def test_failures_have_a_course_to_look_at(folder):
             assert course["steps"] == table["pd"]["steps"][place]
             peak = max(abs(value) for value in unpacked(course["signals"]["lateral_error"]))
             assert peak >= 0.9 * table["pd"]["metrics"]["peak_lateral_error"][place]
+
+
+def test_a_large_page_has_fewer_points_and_the_same_numbers(monkeypatch, folder, tmp_path):
+    whole = data_of((folder / "report.html").read_text())
+    empty = len(page("", {}))
+    monkeypatch.setattr(web_data, "LARGEST_PAGE", empty + (len((folder / "report.html").read_text()) - empty) // 2)
+    lanekeep_benchmarks.benchmark(SUITE, POLICIES, episodes=12, out=tmp_path / "run")
+    text = (tmp_path / "run" / "report.html").read_text()
+    small = data_of(text)
+    assert len(text) <= web_data.LARGEST_PAGE
+    assert (small["summary"], small["lines"]) == (whole["summary"], whole["lines"])
+    for name, of in whole["drives"].items():
+        assert small["drives"][name]["of"].keys() == of["of"].keys()
 
 
 def unpacked(packed):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from lanekeep_benchmarks.suites.frozen import check_frozen
 from lanekeep_benchmarks.suites.own_road import OWN_ROAD, road_suite
 from lanekeep_benchmarks.suites.reader import ENDING, read_suite
 from lanekeep_benchmarks.suites.records import Suite, SuiteScenario
@@ -15,6 +16,7 @@ __all__ = [
     "SUITES",
     "Suite",
     "SuiteScenario",
+    "check_frozen",
     "find_suite",
     "read_suite",
     "road_suite",

@@ -43,6 +43,7 @@ _SUITE: dict[str, type] = {
     "policies": list,
     "learned": bool,
     "reference": str,
+    "per_environment": bool,
     "common": dict,
     "scenario": list,
 }

@@ -56,7 +56,8 @@ class Suite:
 
     ``episodes`` is the default number for each scenario; ``policies`` drive it by default, where there are none all
     classical ones that can; ``learned`` adds the shipped learned ones whose channels fit; ``reference`` is the one of
-    them that the others are compared with, empty for the first.
+    them that the others are compared with, empty for the first. Where ``per_environment``, each environment's scenarios
+    are driven by those of the policies that can drive all of them, the first of which is the reference there.
     """
 
     name: str
@@ -66,3 +67,15 @@ class Suite:
     policies: tuple[str, ...] = ()
     learned: bool = False
     reference: str = ""
+    per_environment: bool = False
+
+    @property
+    def parts(self) -> dict[str, tuple[SuiteScenario, ...]]:
+        """Scenarios that the same policies drive, by their environment's name; all of them, without one, as a rule."""
+        if not self.per_environment:
+            return {"": self.scenarios}
+        found: dict[str, tuple[SuiteScenario, ...]] = {}
+        for one in self.scenarios:
+            name = one.env_id.rpartition("/")[2]
+            found[name] = (*found.get(name, ()), one)
+        return found

@@ -15,11 +15,14 @@ from lanekeep_benchmarks.plan import Plan
 from lanekeep_benchmarks.report import caption
 from lanekeep_benchmarks.suites import SuiteScenario
 from lanekeep_benchmarks.summary import rows_of
+from lanekeep_benchmarks.web import page
 from lanekeep_benchmarks.web.drives import chosen, ground, recorded
 from lanekeep_env import layout as at
 
-#: Numbers of all courses together: about a byte each in the page, which stays below 15 MB.
+#: Numbers of all courses together, one to three bytes each in the page.
 MOST_NUMBERS = 5_000_000
+#: Characters of the page, above which courses and roads have fewer points, down to this share of them.
+LARGEST_PAGE, LEAST_DETAIL = 14_000_000, 0.1
 MOST_POINTS, FEWEST_POINTS = 600, 40
 #: Of a signal between its least and its largest value: finer than a screen's pixels.
 LEVELS = 2000
@@ -46,19 +49,32 @@ _PLACES = ("x", "y", "lead_x", "lead_y")
 Drives = Mapping[str, Mapping[int, Mapping[str, Any]]]
 
 
-def page_data(plan: Plan, summary: Mapping[str, Any], drives: Mapping[str, Drives]) -> dict[str, Any]:
+def page_of(plan: Plan, summary: Mapping[str, Any], drives: Mapping[str, Drives]) -> str:
+    """The page of a run, with as much detail as `LARGEST_PAGE` allows; arguments as `page_data` has them."""
+    title, detail = f"{summary['suite']}: {summary['description']}", 1.0
+    while True:
+        text = page(title, page_data(plan, summary, drives, detail))
+        if len(text) <= LARGEST_PAGE or detail == LEAST_DETAIL:
+            return text
+        detail = max(LEAST_DETAIL, 0.8 * detail * LARGEST_PAGE / len(text))
+
+
+def page_data(
+    plan: Plan, summary: Mapping[str, Any], drives: Mapping[str, Drives], detail: float = 1.0
+) -> dict[str, Any]:
     """Everything that the page shows: the summary, the result lines, and what happened in ``drives``.
 
     Args:
         plan: of a run that has been driven.
         summary: of it.
         drives: scenario, policy and episode to what `drives.recorded` returns.
+        detail: share of the points of courses and roads.
     """
     tables: dict[str, dict[str, list[EpisodeResult]]] = {scenario.name: {} for scenario in plan.suite.scenarios}
     for line in plan.results:
         tables[line.scenario].setdefault(line.policy, []).append(line)
     count = sum(len(of) for scenario in drives.values() for of in scenario.values())
-    points = int(np.clip(MOST_NUMBERS / (10 * max(count, 1)), FEWEST_POINTS, MOST_POINTS))
+    points = int(detail * np.clip(MOST_NUMBERS / (10 * max(count, 1)), FEWEST_POINTS, MOST_POINTS))
     return {
         "summary": summary,
         "caption": caption(dict(summary)),
@@ -73,7 +89,8 @@ def page_data(plan: Plan, summary: Mapping[str, Any], drives: Mapping[str, Drive
             for name, of in tables.items()
         },
         "drives": {
-            scenario.name: _drives(scenario, drives[scenario.name], points) for scenario in plan.suite.scenarios
+            scenario.name: _drives(scenario, drives[scenario.name], points, int(detail * ROAD_POINTS))
+            for scenario in plan.suite.scenarios
         },
     }
 
@@ -90,7 +107,7 @@ def _columns(lines: Sequence[EpisodeResult], metrics: Sequence[str]) -> dict[str
 
 def drive_chosen(plan: Plan, scenario: SuiteScenario) -> dict[str, dict[int, dict[str, Any]]]:
     """Drive the episodes of a scenario that are shown once more; of every policy the first one too."""
-    lines: dict[str, list[EpisodeResult]] = {name: [] for name in plan.policies}
+    lines: dict[str, list[EpisodeResult]] = {name: [] for name in plan.drivers[scenario.name]}
     for line in plan.results:
         if line.scenario == scenario.name:
             lines[line.policy].append(line)
@@ -105,14 +122,14 @@ def drive_chosen(plan: Plan, scenario: SuiteScenario) -> dict[str, dict[int, dic
     return found
 
 
-def _drives(scenario: SuiteScenario, drives: Drives, points: int) -> dict[str, Any]:
+def _drives(scenario: SuiteScenario, drives: Drives, points: int, road_points: int) -> dict[str, Any]:
     env = make_cars(scenario, 1)
     grounds = sorted({one["ground"] for of in drives.values() for one in of.values() if "x" in one})
     small = 1e-3 if hasattr(env.unwrapped, "world_set") else 1e-2
     found = {
         "control_step": env.unwrapped.scenario.control_step,
         "grounds": {
-            number: [[_packed(axis, small) for axis in line.T] for line in ground(env.unwrapped, number, ROAD_POINTS)]
+            number: [[_packed(axis, small) for axis in line.T] for line in ground(env.unwrapped, number, road_points)]
             for number in grounds
         },
         "of": {

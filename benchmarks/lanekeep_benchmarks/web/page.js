@@ -2,9 +2,9 @@
 // The page of a benchmark run. Whatever comes from files is written as text (textContent), never as HTML.
 const $ = id => document.getElementById(id);
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D1F", "#7A5FD0"];
-const ALL = "", MOST_ROWS = 300;
-const state = { scenario: ALL, metric: "", filter: "", sort: null, down: false, shown: null, signals: null };
-let data, scenarios, drawn = null, playing = 0;
+const PART = "part:", MOST_ROWS = 300;
+const state = { scenario: PART, metric: "", filter: "", sort: null, down: false, shown: null, signals: null };
+let data, scenarios, placed, drawn = null, playing = 0;
 
 function make(tag, text, properties = {}) {
   const element = Object.assign(document.createElement(tag), properties);
@@ -14,7 +14,13 @@ function make(tag, text, properties = {}) {
 // What Plotly draws may hold tags of its own: names have none.
 const plain = text => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;");
 const quoted = text => /^[\w@%+=:,.\/-]+$/.test(text) ? text : `'${text.replaceAll("'", `'"'"'`)}'`;
-const place = name => Math.max(Object.keys(data.rows).findIndex(label => label === name || data.rows[label].includes(name)), 0);
+// Places of rows in the first part of the run that has them: those that are shown together differ.
+function places() {
+  const found = Object.create(null);
+  for (const one of scenarios) one.policies.forEach((row, i) => [row.policy, ...data.rows[row.policy]].forEach(name => found[name] ??= i));
+  return found;
+}
+const place = name => placed[name] ?? 0;
 // The page lies in the folder of its run.
 const folder = () => location.protocol === "file:" ? decodeURIComponent(location.pathname).replace(/\/[^\/]*$/, "") : "FOLDER";
 const colour = name => COLOURS[place(name) % COLOURS.length];
@@ -25,7 +31,8 @@ const digits = key => key === "failure_rate" ? 1 : data.metrics[key].digits;
 const scale = key => key === "failure_rate" ? 100 : 1;
 const interval = (row, key) => key === "failure_rate" ? row.failure_rate : row.metrics[key];
 const wanted = name => name.toLowerCase().includes(state.filter.toLowerCase());
-const current = () => scenarios.filter(one => state.scenario === ALL || one.scenario === state.scenario);
+const partly = () => state.scenario.startsWith(PART);
+const current = () => scenarios.filter(one => partly() ? data.summary.parts[state.scenario.slice(PART.length)].includes(one.scenario) : one.scenario === state.scenario);
 const unpacked = ([step, ...differences]) => { let sum = 0; return differences.map(d => d === null ? null : (sum += d) * step); };
 
 async function unpack() {
@@ -41,7 +48,7 @@ function fill(select, pairs, chosen) {
 function metricsHere() {
   const keys = current().map(one => Object.keys(one.policies[0].metrics));
   const common = keys[0].filter(key => keys.every(of => of.includes(key)));
-  return state.scenario === ALL ? [...common.filter(key => key === "return"), ...common.filter(key => key !== "return"), "failure_rate"] : [...common, "failure_rate"];
+  return partly() ? [...common.filter(key => key === "return"), ...common.filter(key => key !== "return"), "failure_rate"] : [...common, "failure_rate"];
 }
 
 function heading(texts, table, onSort) {
@@ -68,8 +75,7 @@ function cellOf(row, key) {
 }
 
 function board() {
-  const many = state.scenario === ALL && scenarios.length > 1;
-  const here = current(), keys = many ? [] : ["failure_rate", ...Object.keys(here[0].policies[0].metrics)];
+  const here = current(), many = here.length > 1, keys = many ? [] : ["failure_rate", ...Object.keys(here[0].policies[0].metrics)];
   const names = here[0].policies.map(row => row.policy).filter(wanted);
   const rows = names.map(name => {
     const of = here.map(one => one.policies.find(row => row.policy === name));
@@ -144,7 +150,8 @@ function profile() {
   $("profile").hidden = !key || here.length > 1;
   if ($("profile").hidden) return Plotly.purge($("profile"));
   const sign = data.metrics[key].more ? -1 : 1, of = data.lines[here[0].scenario];
-  const traces = Object.entries(data.rows).filter(([label]) => wanted(label)).map(([label, row]) => {
+  const traces = here[0].policies.map(row => row.policy).filter(wanted).map(label => {
+    const row = data.rows[label];
     const values = row.flatMap(name => of[name].metrics[key].filter((_, i) => !of[name].failed[i])).sort((a, b) => sign * (a - b));
     const all = row.reduce((sum, name) => sum + of[name].failed.length, 0);
     return { name: plain(label), mode: "lines", line: { shape: "hv", color: colour(label), dash: dash(label) }, x: [values[0], ...values], y: [0, ...values.map((_, i) => 100 * (i + 1) / all)] };
@@ -309,8 +316,11 @@ function everything() {
 async function start() {
   data = await unpack();
   scenarios = data.summary.scenarios;
-  if (scenarios.length === 1) state.scenario = scenarios[0].scenario;
-  fill($("scenario"), [...(scenarios.length > 1 ? [[ALL, "all"]] : []), ...scenarios.map(one => [one.scenario, one.scenario])], state.scenario);
+  placed = places();
+  const choices = Object.entries(data.summary.parts).flatMap(([part, names]) =>
+    [...(names.length > 1 ? [[PART + part, part ? `${part}: all` : "all"]] : []), ...names.map(name => [name, name])]);
+  state.scenario = choices[0][0];
+  fill($("scenario"), choices, state.scenario);
   $("about").textContent = `${scenarios.length} scenario${scenarios.length > 1 ? "s" : ""}, ${Object.keys(data.rows).length} policies, ${data.summary.episodes} episodes each`;
   $("caption").textContent = data.caption;
   $("scenario").addEventListener("change", event => { state.scenario = event.target.value; state.sort = null; state.metric = ""; everything(); });
