@@ -181,7 +181,7 @@ class StudentPolicy:
         at = dict(zip(self._channels, known[2:identified], strict=True))
         first, corrected = 0, known[0]
         for number, (base, width) in enumerate(zip(self._bases, self._widths, strict=True)):
-            action, after = base.act(at, memory[:, first : first + width], fresh)
+            action, after = base.actions_for(at, memory[:, first : first + width], fresh)
             asked = np.minimum(np.maximum(action[:, 0], -1.0), 1.0, dtype=np.float64)
             if after is not None:
                 following[first : first + width] = after.T

@@ -156,12 +156,12 @@ class SteeringPolicy(Declared):
             raise ValueError(f"state has shape {memory.shape}, allowed: {(n, self.memory)}, as predict returned it")
         if state is not None and episode_start is not None:
             fresh = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), (n,))
-        action, following = self.act(at, memory, fresh)
+        action, following = self.actions_for(at, memory, fresh)
         if single:
             return action[0], None if following is None else following[0]
         return action, following
 
-    def act(
+    def actions_for(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
     ) -> tuple[NDArray[np.float32], Floats | None]:
         """Return actions (n, actions), float32, as `predict`, and the next memory; arguments as of `command`.

@@ -5,6 +5,7 @@ import hashlib
 import json
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -282,6 +283,13 @@ def test_noise_is_told_by_second_differences():
     assert quiet["little_noise"] < 1e-6
     square = 6.0 * 0.05**2
     assert loud["much_noise"] == pytest.approx(square / (square + 0.01), rel=0.15)
+
+
+def test_what_does_not_steer_is_no_base(record, monkeypatch):
+    base = SimpleNamespace(name="walker", predict=None)
+    monkeypatch.setattr("lanekeep_agents.binding._designed", lambda name, scenario: base)
+    with pytest.raises(ValueError, match="base='walker' is not allowed"):
+        StudentPolicy(record, _tensors(record))
 
 
 @pytest.mark.slow
