@@ -99,33 +99,32 @@ class StudentPolicy:
 
     def _place(self, terms: Sequence[str]) -> None:
         """Give every factor its row among what is known, and every term those of its factors."""
-        columns = {ONE: 0, SLOWNESS: 1, **{name: i + 2 for i, name in enumerate(self._channels)}}
-        columns |= {f"identified.{name}": len(columns) + i for i, name in enumerate(IDENTIFIED)}
-        estimates: list[tuple[int, int]] = []
-        starts = np.cumsum([0, *self._widths])
+        # Behind what is remembered, where the controllers' estimates stand already.
+        names = (ONE, SLOWNESS, *self._channels, *(f"identified.{name}" for name in IDENTIFIED))
+        columns = {name: self.memory + i for i, name in enumerate(names)}
+        starts, self._width = np.cumsum([0, *self._widths]), self.memory + len(names)
         for factor in dict.fromkeys(factor for term in terms for factor in factors_of(term)):
             if (of := base_of(factor)) is None or factor in columns:
                 continue
             number, place = of
-            if place is not None and place >= self._widths[number]:
+            if place is None:
+                columns[factor] = self._width
+                self._width += 1
+                continue
+            if place >= self._widths[number]:
                 raise ValueError(
                     f"policy {self.name!r}: {shown(factor)} is not known: {self._bases[number].name} remembers "
                     f"{self._widths[number]} numbers"
                 )
-            columns[factor] = len(columns)
-            if place is not None:
-                estimates.append((int(starts[number]) + place, columns[factor]))
-        # Places in the controllers' memories side by side, and their rows among what is known.
-        self._estimates, self._estimated = np.array(estimates, dtype=np.intp).reshape(-1, 2).T
+            columns[factor] = int(starts[number]) + place
         self._actions = [columns.get(f"base{number}", -1) for number in range(len(self._bases))]
-        self._width = len(columns)
         padded = np.array([(factors_of(term) + [ONE] * MOST_FACTORS)[:MOST_FACTORS] for term in terms])
         factors = np.vectorize(columns.__getitem__, otypes=[np.intp])(padded).T
         self._first = factors[0]
         # From where to where terms have a second, a third factor, and which rows those are.
         self._further = []
         for rows in factors[1:]:
-            if len(which := np.flatnonzero(rows)):
+            if len(which := np.flatnonzero(rows != columns[ONE])):
                 run = slice(which[0], which[-1] + 1)
                 self._further.append((run, rows[run]))
 
@@ -172,14 +171,17 @@ class StudentPolicy:
             raise ValueError(f"state has shape {memory.shape}, allowed: {(n, self.memory)}, as predict returned it")
         fresh: NDArray[np.bool_] | bool = state is None
         if state is not None and episode_start is not None:
-            started = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), (n,))
+            started = np.asarray(episode_start, dtype=bool).reshape(-1)
+            if len(started) != n:
+                started = np.broadcast_to(started, (n,))
             fresh = started if started.any() else False
         # A row each, of what is known and what is remembered: rows are gathered ten times as fast as columns.
-        known, following = np.empty((self._width, n)), np.empty((self.memory, n))
-        identified = 2 + len(self._channels)
-        known[0], known[2:identified] = 1.0, rows.T
-        at = dict(zip(self._channels, known[2:identified], strict=True))
-        first, corrected = 0, known[0]
+        known = np.empty((self._width, n))
+        following, one, slowness = known[: self.memory], known[self.memory], known[self.memory + 1]
+        observed = slice(self.memory + 2, self.memory + 2 + len(self._channels))
+        one[:], known[observed] = 1.0, rows.T
+        at = dict(zip(self._channels, known[observed], strict=True))
+        first, corrected = 0, one
         for number, (base, width) in enumerate(zip(self._bases, self._widths, strict=True)):
             action, after = base.actions_for(at, memory[:, first : first + width], fresh)
             asked = np.minimum(np.maximum(action[:, 0], -1.0), 1.0, dtype=np.float64)
@@ -189,12 +191,12 @@ class StudentPolicy:
                 known[self._actions[number]] = asked
             corrected = corrected if number else asked
             first += width
-        known[self._estimated] = following[self._estimates]
-        np.divide(1.0, np.maximum(at["speed"], _SLOWEST), out=known[1])
+        np.divide(1.0, np.maximum(at["speed"], _SLOWEST), out=slowness)
         offsets = (following[place] if self._widths[0] > place else np.zeros(n) for place in _OFFSETS)
         seen = Seen(*(at[name] for name in READ), *offsets)
         own = np.ascontiguousarray(memory.T[first:])
-        known[identified : identified + len(IDENTIFIED)], following[first:] = self._identifier.follow(own, fresh, seen)
+        identified = slice(observed.stop, observed.stop + len(IDENTIFIED))
+        known[identified], following[first:] = self._identifier.follow(own, fresh, seen)
         terms = known[self._first]
         for run, factor in self._further:
             terms[run] *= known[factor]
