@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -68,7 +69,7 @@ class Binding:
 
     def _made(self, name: str) -> lanekeep_baselines.Policy:
         try:
-            return lanekeep_baselines.make(name, self._base_scenario())
+            return _designed(name, self._base_scenario())
         except (ValueError, ArithmeticError) as error:
             raise ValueError(f"policy {self._record.name!r}: base={shown(name)}: {one_line(error)}") from None
 
@@ -119,6 +120,12 @@ class Binding:
         converted = action.copy()
         converted[:, 0] = asked.clip(-1.0, 1.0)
         return converted
+
+
+@lru_cache(maxsize=64)
+def _designed(name: str, scenario: CarScenario) -> lanekeep_baselines.Policy:
+    """A controller has no state: whoever makes a policy again and again, as training does, designs it once."""
+    return lanekeep_baselines.make(name, scenario)
 
 
 def _record_of(record: PolicyRecord) -> Any:

@@ -43,10 +43,12 @@ _LARGEST = 4.0
 _FACTORS, _SUMS = 10, 15
 _FIRST = np.array([0, 0, 0, 1, 1, 2, 0, 1, 2, 4, 5, 6, 7, 8, 9])
 _SECOND = np.array([0, 1, 2, 1, 2, 2, 3, 3, 3, 4, 4, 4, 4, 8, 9])
-# Of the symmetric matrix (a b c, b d e, c e f): the minors a', b', ... are products of two less products of two.
-_MINORS = np.array([[3, 2, 1, 0, 1, 0], [5, 4, 4, 5, 2, 3], [4, 1, 2, 2, 0, 1], [4, 5, 3, 2, 4, 1]])
-_ADJUGATE = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
-_PRIOR = _ANGLE_PRIOR * np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])[:, None]
+# Of the symmetric matrix (a b c, b d e, c e f): the minors a', b', ... are products of two less products of two; rows
+# of its adjugate times the right side (the rows behind a to f), and times a b c: the determinant.
+_MINORS = np.array([[[3, 2, 1, 0, 1, 0], [4, 1, 2, 2, 0, 1]], [[5, 4, 4, 5, 2, 3], [4, 5, 3, 2, 4, 1]]])
+_ADJUGATE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5], [0, 1, 2]])
+_SIDES = np.array([[6, 7, 8], [6, 7, 8], [6, 7, 8], [0, 1, 2]])
+_PRIOR = _ANGLE_PRIOR * np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0])[:, None]
 _NOISES = np.array([[1e-4], [1e-2]])
 
 
@@ -89,43 +91,47 @@ class Identifier:
             seen: the present step.
         """
         steer, command, error = seen.steering_angle, seen.steering_command, seen.lateral_error
-        before, sent, _, _, _, steps = memory[_SUMS:]
+        before, sent, _, last, earlier, steps = memory[_SUMS:]
         factors = np.empty((_FACTORS, len(steer)))
-        np.subtract(command, before, out=factors[0])
-        np.subtract(memory[_SUMS + 1 : _SUMS + 3], before, out=factors[1:3])
-        factors[3] = steer - before - self._response * factors[0]
-        acceleration = np.multiply(seen.speed, seen.yaw_rate, out=factors[4])
-        factors[5], factors[6] = seen.front_offset, seen.rear_offset
-        turning = self._wheelbase * seen.yaw_rate / np.maximum(seen.speed, _SLOWEST)
-        factors[7] = steer - turning - self._understeer * acceleration
-        factors[8] = np.where(steps > 1.0, error - 2.0 * memory[_SUMS + 3] + memory[_SUMS + 4], 0.0)
-        factors[9] = 1.0
+        ways, rest, acceleration, turn, second = factors[:3], factors[3], factors[4], factors[7], factors[8]
+        ways[0], ways[1:] = command, memory[_SUMS + 1 : _SUMS + 3]
+        ways -= before
+        np.subtract(steer, before, out=rest)
+        rest -= self._response * ways[0]
+        np.multiply(seen.speed, seen.yaw_rate, out=acceleration)
+        factors[5], factors[6], factors[9] = seen.front_offset, seen.rear_offset, 1.0
+        np.divide(seen.yaw_rate, np.maximum(seen.speed, _SLOWEST), out=turn)
+        turn *= -self._wheelbase
+        turn += steer
+        turn -= self._understeer * acceleration
+        np.subtract(error, last, out=second)
+        second -= last
+        second += earlier
+        second *= steps > 1.0
         following = np.empty_like(memory)
-        following[:_SUMS] = factors[_FIRST]
-        following[:_SUMS] *= factors[_SECOND]
-        started = np.broadcast_to(np.asarray(fresh), steer.shape)
-        if started.any():
-            following[:_SUMS] = np.where(started, 0.0, following[:_SUMS] + self._fade * memory[:_SUMS])
-            following[_SUMS - 1] = np.where(started, 1.0, following[_SUMS - 1])
-            sent, earlier = np.where(started, command, sent), np.where(started, error, memory[_SUMS + 3])
+        sums = following[:_SUMS]
+        np.multiply(factors[_FIRST], factors[_SECOND], out=sums)
+        sums += self._fade * memory[:_SUMS]
+        if fresh is not False:
+            started = np.broadcast_to(np.asarray(fresh), steer.shape)
+            sums[:, started], sums[-1, started] = 0.0, 1.0
+            sent, last = np.where(started, command, sent), np.where(started, error, last)
             steps = np.where(started, 0.0, steps)
-        else:
-            following[:_SUMS] += self._fade * memory[:_SUMS]
-            earlier = memory[_SUMS + 3]
-        for row, value in enumerate((steer, command, sent, error, earlier, steps + 1.0), start=_SUMS):
+        for row, value in enumerate((steer, command, sent, error, last, steps + 1.0), start=_SUMS):
             following[row] = value
         return _quantities(following), following
 
 
 def _quantities(memory: Floats) -> Floats:
     found = np.empty((len(IDENTIFIED), memory.shape[1]))
-    moments = memory[:6] + _PRIOR
+    moments = memory[:9] + _PRIOR
     # Least squares of three: Cramer's rule, element by element, as cars are to be independent.
-    minors = moments[_MINORS[0]] * moments[_MINORS[1]] - moments[_MINORS[2]] * moments[_MINORS[3]]
-    parts = moments[:3] * minors[:3]
-    solved = minors[_ADJUGATE].reshape(3, 3, -1) * memory[6:9]
-    np.add(solved[:, 0] + solved[:, 1], solved[:, 2], out=found[:3])
-    found[:3] *= 5.0 / (parts[0] + parts[1] + parts[2])
+    products = np.multiply(*moments[_MINORS])
+    parts = (products[0] - products[1])[_ADJUGATE]
+    parts *= moments[_SIDES]
+    solved = parts[:, 0] + parts[:, 1]
+    solved += parts[:, 2]
+    np.multiply(solved[:3], 5.0 / solved[3], out=found[:3])
     squares = memory[9] + _ACCELERATION_PRIOR
     np.multiply(memory[10:13], 100.0 / squares, out=found[3:6])
     noise = memory[13] / memory[14]

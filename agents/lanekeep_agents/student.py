@@ -13,6 +13,7 @@ from lanekeep_agents.identified import IDENTIFIED, MEMORY, READ, Identifier, See
 from lanekeep_agents.policy_file import check_tensors
 from lanekeep_agents.policy_record import PolicyRecord
 from lanekeep_agents.student_record import MOST_FACTORS, ONE, SLOWNESS, base_of, factors_of
+from lanekeep_baselines.policy import SteeringPolicy
 from lanekeep_env.checks import shown
 from lanekeep_env.scenario.car import CarScenario
 
@@ -32,6 +33,16 @@ class Known(NamedTuple):
     action: Floats
     left: Floats
     right: Floats
+
+
+def _steering(base: Any) -> SteeringPolicy:
+    if not isinstance(base, SteeringPolicy):
+        raise ValueError(f"base={shown(base.name)} is not allowed: a student corrects controllers that only steer")
+    return base
+
+
+def _order(term: str) -> tuple[int, str]:
+    return len(factors_of(term)), term
 
 
 class StudentPolicy:
@@ -66,55 +77,56 @@ class StudentPolicy:
         self.record, self.name, student = record, record.name, record.student
         self._largest = record.bound
         self._bound = bound = Binding(record, scenario, allow_files=allow_files)
-        self._bases: list[Any] = bound.make_bases()
-        self._widths = [int(getattr(base, "memory", 0)) for base in self._bases]
+        self._bases = [_steering(base) for base in bound.make_bases()]
+        self._widths = [base.memory for base in self._bases]
         self.memory = sum(self._widths) + MEMORY
         car = bound.scenario
         self._identifier = Identifier(car.vehicle, car.control_step, student.fade)
-        channels = [channel.name for channel in record.channels]
-        self._read = np.array([channels.index(name) for name in READ])
-        # One product instead of several: terms that they share are multiplied once.
+        self._channels = tuple(channel.name for channel in car.channels)
+        # One product instead of several: terms that they share are multiplied once. Those of several factors stand
+        # side by side, at the end of the left and at the start of the right.
         left, right = (
-            {term: i for i, term in enumerate(dict.fromkeys(terms))}
-            for terms in (
-                [term for product in student.products for term in product.left],
-                [term for product in student.products for term in product.right],
-            )
+            sorted({term for product in student.products for term in getattr(product, side)}, key=_order)
+            for side in ("left", "right")
         )
-        self._place(channels, [*left, *right])
+        right.reverse()
+        self._place([*left, *right])
         self._weights, self.places = np.zeros((len(left), len(right))), []
         for i, product in enumerate(student.products):
-            places = [left[term] for term in product.left], [right[term] for term in product.right]
+            places = [left.index(term) for term in product.left], [right.index(term) for term in product.right]
             np.add.at(self._weights, np.ix_(*places), tensors[f"products.{i}"].astype(np.float64))
             self.places.append(places)
 
-    def _place(self, channels: Sequence[str], terms: Sequence[str]) -> None:
+    def _place(self, terms: Sequence[str]) -> None:
         """Give every factor its row among what is known, and every term those of its factors."""
-        columns = {ONE: 0, SLOWNESS: 1, **{name: i + 2 for i, name in enumerate(channels)}}
-        columns |= {f"identified.{name}": len(columns) + i for i, name in enumerate(IDENTIFIED)}
-        estimates: list[tuple[int, int]] = []
-        starts = np.cumsum([0, *self._widths])
+        # Behind what is remembered, where the controllers' estimates stand already.
+        names = (ONE, SLOWNESS, *self._channels, *(f"identified.{name}" for name in IDENTIFIED))
+        columns = {name: self.memory + i for i, name in enumerate(names)}
+        starts, self._width = np.cumsum([0, *self._widths]), self.memory + len(names)
         for factor in dict.fromkeys(factor for term in terms for factor in factors_of(term)):
             if (of := base_of(factor)) is None or factor in columns:
                 continue
             number, place = of
-            if place is not None and place >= self._widths[number]:
+            if place is None:
+                columns[factor] = self._width
+                self._width += 1
+                continue
+            if place >= self._widths[number]:
                 raise ValueError(
                     f"policy {self.name!r}: {shown(factor)} is not known: {self._bases[number].name} remembers "
                     f"{self._widths[number]} numbers"
                 )
-            columns[factor] = len(columns)
-            if place is not None:
-                estimates.append((int(starts[number]) + place, columns[factor]))
-        # Places in the controllers' memories side by side, and their rows among what is known.
-        self._estimates, self._estimated = np.array(estimates, dtype=np.intp).reshape(-1, 2).T
+            columns[factor] = int(starts[number]) + place
         self._actions = [columns.get(f"base{number}", -1) for number in range(len(self._bases))]
-        self._width = len(columns)
         padded = np.array([(factors_of(term) + [ONE] * MOST_FACTORS)[:MOST_FACTORS] for term in terms])
         factors = np.vectorize(columns.__getitem__, otypes=[np.intp])(padded).T
         self._first = factors[0]
-        # Which terms have a second, a third factor, and which rows those are.
-        self._further = [(np.flatnonzero(rows), rows[rows > 0]) for rows in factors[1:] if rows.any()]
+        # From where to where terms have a second, a third factor, and which rows those are.
+        self._further = []
+        for rows in factors[1:]:
+            if len(which := np.flatnonzero(rows != columns[ONE])):
+                run = slice(which[0], which[-1] + 1)
+                self._further.append((run, rows[run]))
 
     def __repr__(self) -> str:
         record = self.record
@@ -159,33 +171,37 @@ class StudentPolicy:
             raise ValueError(f"state has shape {memory.shape}, allowed: {(n, self.memory)}, as predict returned it")
         fresh: NDArray[np.bool_] | bool = state is None
         if state is not None and episode_start is not None:
-            fresh = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), (n,))
-        known = np.empty((self._width, n))  # a row each: rows are gathered ten times as fast as columns
-        channels = known[2 : 2 + len(self.record.channels)]
-        known[0], channels[:] = 1.0, rows[:, self._bound.columns].T
-        following, first, corrected = np.empty_like(memory), 0, known[0]
+            started = np.asarray(episode_start, dtype=bool).reshape(-1)
+            if len(started) != n:
+                started = np.broadcast_to(started, (n,))
+            fresh = started if started.any() else False
+        # A row each, of what is known and what is remembered: rows are gathered ten times as fast as columns.
+        known = np.empty((self._width, n))
+        following, one, slowness = known[: self.memory], known[self.memory], known[self.memory + 1]
+        observed = slice(self.memory + 2, self.memory + 2 + len(self._channels))
+        one[:], known[observed] = 1.0, rows.T
+        at = dict(zip(self._channels, known[observed], strict=True))
+        first, corrected = 0, one
         for number, (base, width) in enumerate(zip(self._bases, self._widths, strict=True)):
-            before = None if state is None or not width else memory[:, first : first + width]
-            action, after = base.predict(rows, before, None if before is None else fresh)
-            asked = action[:, 0].clip(-1.0, 1.0).astype(np.float64)
-            if width:
-                following[:, first : first + width] = after
+            action, after = base.actions_for(at, memory[:, first : first + width], fresh)
+            asked = np.minimum(np.maximum(action[:, 0], -1.0), 1.0, dtype=np.float64)
+            if after is not None:
+                following[first : first + width] = after.T
             if self._actions[number] >= 0:
                 known[self._actions[number]] = asked
             corrected = corrected if number else asked
             first += width
-        known[self._estimated] = following.T[self._estimates]
-        seen = channels[self._read]
-        np.divide(1.0, np.maximum(seen[READ.index("speed")], _SLOWEST), out=known[1])
-        offsets = (following[:, place] if self._widths[0] > place else np.zeros(n) for place in _OFFSETS)
-        own = np.ascontiguousarray(memory[:, first:].T)
-        identified, kept = self._identifier.follow(own, fresh, Seen(*seen, *offsets))
-        at = 2 + len(channels)
-        known[at : at + len(IDENTIFIED)], following[:, first:] = identified, kept.T
+        np.divide(1.0, np.maximum(at["speed"], _SLOWEST), out=slowness)
+        offsets = (following[place] if self._widths[0] > place else np.zeros(n) for place in _OFFSETS)
+        seen = Seen(*(at[name] for name in READ), *offsets)
+        own = np.ascontiguousarray(memory.T[first:])
+        identified = slice(observed.stop, observed.stop + len(IDENTIFIED))
+        known[identified], following[first:] = self._identifier.follow(own, fresh, seen)
         terms = known[self._first]
-        for which, factor in self._further:
-            terms[which] *= known[factor]
-        return Known(corrected, *np.split(terms, [len(self._weights)])), following
+        for run, factor in self._further:
+            terms[run] *= known[factor]
+        left = len(self._weights)
+        return Known(corrected, terms[:left], terms[left:]), following.T
 
     def correct(self, known: Known) -> Floats:
         """Return the corrected actions, (n,)."""
@@ -194,7 +210,10 @@ class StudentPolicy:
         blocks.reshape(-1, len(left))[:n] = left.T
         gains = (blocks @ self._weights).reshape(-1, len(known.right))[:n]
         correction = np.vecdot(gains, np.ascontiguousarray(known.right.T))
-        correction.clip(-self._largest, self._largest, out=correction)
+        # Half as long as `clip`, here and above.
+        np.maximum(correction, -self._largest, out=correction)
+        np.minimum(correction, self._largest, out=correction)
         correction += known.action
-        clipped: Floats = correction.clip(-1.0, 1.0, out=correction)
-        return clipped
+        np.maximum(correction, -1.0, out=correction)
+        corrected: Floats = np.minimum(correction, 1.0, out=correction)
+        return corrected

@@ -156,22 +156,32 @@ class SteeringPolicy(Declared):
             raise ValueError(f"state has shape {memory.shape}, allowed: {(n, self.memory)}, as predict returned it")
         if state is not None and episode_start is not None:
             fresh = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), (n,))
+        action, following = self.actions_for(at, memory, fresh)
+        if single:
+            return action[0], None if following is None else following[0]
+        return action, following
+
+    def actions_for(
+        self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
+    ) -> tuple[NDArray[np.float32], Floats | None]:
+        """Return actions (n, actions), float32, as `predict`, and the next memory; arguments as of `command`.
+
+        Raises:
+            TypeError: `command` returned something else than it must.
+        """
         told = self.command(at, memory, fresh)
         if not (isinstance(told, tuple) and len(told) == 2):
             raise TypeError(
                 f"{type(self).__name__}.command returned {type(told).__name__}; it must return two things, the "
                 "commands (n,) and the next memory, None without one"
             )
-        command, following = np.asarray(told[0]), told[1]
+        command, following, n = np.asarray(told[0]), told[1], len(memory)
         if command.shape[:1] != (n,):
             raise TypeError(
                 f"{type(self).__name__}.command returned commands of the shape {command.shape}; allowed is ({n},), one "
                 "a car"
             )
-        action = self._action(command, at).astype(np.float32)
-        if single:
-            return action[0], None if following is None else following[0]
-        return action, following
+        return self._action(command, at).astype(np.float32), following
 
     def _action(self, command: Floats, at: Mapping[str, Floats]) -> Floats:
         """Return what `command` asks for in the units of the action, (n, actions)."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 import gymnasium as gym
@@ -18,8 +20,9 @@ import lanekeep_baselines
 from lanekeep_agents.policy_file import read_record
 from lanekeep_agents.policy_record import PolicyRecord
 from lanekeep_agents.training.evaluation import HeldOut, Score
+from lanekeep_benchmarks import remade
 from lanekeep_benchmarks.console import console
-from lanekeep_benchmarks.endings import input_errors, interruptible
+from lanekeep_benchmarks.endings import disk_errors, input_errors, interruptible
 from lanekeep_benchmarks.policies import FILE, ZOO
 from lanekeep_benchmarks.summary import rows_of
 from lanekeep_env.adapters import ADAPTED, full_ids, scenario_class
@@ -137,10 +140,23 @@ def entries(episodes: int) -> Iterator[Entry]:
         yield Entry(label, records, scores, *classical[first.scenario_hash])
 
 
+def _remake(text: str, out: Path) -> None:
+    """Make policies anew and say whose weights are the shipped ones."""
+    how = f"; to go on: lanekeep zoo --remake {shlex.quote(text)} --out {shlex.quote(str(out))}"
+    with interruptible(how), input_errors(), disk_errors(how):
+        for one in remade.remake(remade.names_of(text), out):
+            weights = "the shipped weights to the last bit" if one.same else "other weights"
+            print(f"{one.name}: {weights}, {out / one.name}")
+
+
 def zoo(
     episodes: Annotated[int, typer.Option(min=1, help="That each policy drives.")] = 128,
     markdown: Annotated[bool, typer.Option("--markdown", help="Print a Markdown table.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, with the command that trains each.")] = False,
+    remake: Annotated[
+        str | None, typer.Option(metavar="NAMES", help="Make these anew instead, or all, each by its command.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for --remake.")] = Path("results/zoo"),
 ) -> None:
     """Drive the learned policies that are shipped beside the best classical controller, on the same episodes.
 
@@ -148,7 +164,13 @@ def zoo(
 
     Each policy drives the environment that it was trained on, another simulator's where that is installed, in 4
     episodes at the most. lanekeep bench learned compares on cars that differ.
+
+    Made anew: lanekeep zoo --remake distilled-lane-keep-seed0,ppo-circuit-seed0, or --remake all, in a folder each. It
+    says whose weights are the shipped ones to the last bit; the same command again goes on where it was stopped.
     """
+    if remake is not None:
+        _remake(remake, out)
+        return
     with interruptible(""), input_errors():
         require("--episodes", episodes, "", at_least=1, at_most=100_000, whole=True)
         with console(stderr=True).status("driving") as status:

@@ -50,7 +50,7 @@ class Packed:
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Collect no garbage meanwhile: a compiler makes so many objects that looking through them is a tenth of its time."""
+    """Collect no garbage meanwhile: the compiler makes so many objects that it costs a tenth of its time."""
     collects = gc.isenabled()
     gc.disable()
     try:

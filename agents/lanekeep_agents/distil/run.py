@@ -128,10 +128,10 @@ class Distillation:
             taught.append(self._taught(i, lessons))
             done += 1
             report(done, total, f"teacher: {lessons.name}")
-        record = self._record(0.0, {})
+        record = self.record()
         size = sum(int(np.prod(shape)) for shape in record.shapes.values())
         sums, weights, rounds = Sums.none(size), np.zeros(size), []
-        base = self._score(lambda scenario: lanekeep_baselines.make(mix.base, scenario))
+        base = self.score(lambda scenario: lanekeep_baselines.make(mix.base, scenario))
         for number in range(mix.rounds):
             file = self.folder / f"round-{number}.npz"
             if not file.exists():
@@ -144,7 +144,7 @@ class Distillation:
                     report(done + i + 1, total, f"round {number + 1}: {drill.lessons.name}")
                 weights = sums.solved()
                 tensors = tensors_of(record, weights)
-                score = self._score(partial(StudentPolicy, record, tensors))
+                score = self.score(partial(StudentPolicy, record, tensors))
                 _write_round(file, sums, weights, score)
             sums, weights, score = _read_round(file, size)
             done += drills
@@ -165,7 +165,7 @@ class Distillation:
             for noise in lessons.noise:
                 yield Drill(lessons, shown_, noise)
 
-    def _score(self, policy: Callable[[Any], Any]) -> Floats:
+    def score(self, policy: Callable[[Any], Any]) -> Floats:
         """Mean held-out returns, a number a drill."""
         return np.array(
             [
@@ -182,7 +182,8 @@ class Distillation:
         text = json.dumps([self.settings.seed, *what])
         return int.from_bytes(hashlib.sha256(text.encode()).digest()[:6], "big")
 
-    def _record(self, seconds: float, scores: Mapping[str, Any]) -> PolicyRecord:
+    def record(self, seconds: float = 0.0, scores: Mapping[str, Any] | None = None) -> PolicyRecord:
+        """Return the policy's record, with how long it took and how well it did where that is known."""
         settings, mix = self.settings, self.settings.mix
         # Trained on the first set of the environment, by whose channels everything is named.
         keywords = next(one.keywords for one in mix.sets if one.env_id == settings.env_id)
@@ -210,7 +211,7 @@ class Distillation:
                 steps=steps,
                 seconds=round(seconds, 1),
                 versions={"lanekeep": lanekeep_env.__version__, "numpy": np.__version__},
-                scores=scores,
+                scores=scores or {},
             ),
             base=mix.base,
             bound=mix.bound,
@@ -219,7 +220,7 @@ class Distillation:
 
     def _finished(self, weights: Floats, ratio: float, rounds: list[float], seconds: float) -> StudentPolicy:
         scores = {"held_out_cost_over_base": ratio, "rounds": rounds}
-        record = self._record(seconds, scores)
+        record = self.record(seconds, scores)
         path = self.folder / f"{self.settings.name}.json"
         write_policy(path, record, tensors_of(record, weights), overwrite=True)
         write_atomic(self.folder / SCORES, json.dumps(scores, indent=1) + "\n")
