@@ -124,11 +124,11 @@ GATES = {
     "yin-lqr-feedforward": (2.0, 2.5),
     "yin-lqr-observer-printed": (2.0, 2.5),
     "yin-lqr-observer": (5.0, 9.0),
-    "lq-preview": (2.2, 2.6),
-    "mpc-preview": (2.2, 2.6),
-    "lq-preview-offset-free": (2.1, 4.5),
-    "lq-preview-trimmed": (2.1, 4.5),
-    "lqg": (3.2, 2.1),
+    "lq-preview": (2.0, 2.0),
+    "mpc-preview": (2.0, 2.0),
+    "lq-preview-offset-free": (2.0, 2.0),
+    "lq-preview-trimmed": (2.0, 2.05),
+    "lqg": (2.0, 2.0),
     "stanley": (2.4, 5.0),
 }
 
