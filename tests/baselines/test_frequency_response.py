@@ -67,7 +67,8 @@ def agrees(name: str, vehicle: str, speed: float, delay: float, settled: int) ->
         preview=20,
         departure="cost",
         episode_steps=settled + SHOWN,
-        vehicle={"base": vehicle, "steering": {"delay": delay}},
+        # Neither gap nor rate limit is linear: one swallows small sines, the other takes time for any change.
+        vehicle={"base": vehicle, "steering": {"delay": delay, "backlash": 0.0, "rate_limit": None}},
     )
     scenario = env.unwrapped.scenario
     policy = lanekeep_baselines.make(name, scenario)
@@ -92,5 +93,5 @@ def test_a_driven_car_answers_a_sine_as_its_margins_say(name: str) -> None:
 def test_every_design_on_every_car(name: str, vehicle: str) -> None:
     fastest = 40.0 if VEHICLES[vehicle].wheelbase > 2.0 else 8.0
     assert any(
-        [agrees(name, vehicle, speed, delay, 1200) for speed in (0.1 * fastest, fastest) for delay in (0.0, 0.05)]
+        [agrees(name, vehicle, speed, delay, 1200) for speed in (0.2 * fastest, fastest) for delay in (0.0, 0.05)]
     )
