@@ -40,7 +40,7 @@ class MpcPreview(LqPreview):
 
     def __init__(self, scenario: LimitedScenario, weights: Weights | None = None) -> None:
         super().__init__(scenario, weights)
-        steering, self._step = scenario.vehicle.steering, scenario.control_step
+        steering = scenario.vehicle.steering
         self._fastest = rate = math.inf if steering.rate_limit is None else steering.rate_limit
         if scenario.action == "steering_rate":
             rate = min(rate, scenario.max_steering_rate)
@@ -59,13 +59,14 @@ class MpcPreview(LqPreview):
     def steer(self, speed: Floats, seen: Floats) -> Floats:
         commands = super().steer(speed, seen)
         for i, nearest in enumerate(np.abs(speed[:, None] - SPEEDS).argmin(axis=1)):
-            problem, t = self._problem(float(SPEEDS[nearest])), self._onto @ seen[i]
+            problem, t = self._problem(int(nearest)), self._onto @ seen[i]
             if problem.meets(t):
                 commands[i] = self._asked(problem.limited(t), t[STEER])
         return commands
 
-    def _problem(self, speed: float) -> Problem:
-        return Problem.of(self._car, speed, self._step, self._slip, self._cost, self._steps, self._limits)
+    def _problem(self, design: int) -> Problem:
+        car, speed = self._reserving(self._moved[design]), float(SPEEDS[design])
+        return Problem.of(car, speed, self._step, self._slip, self._cost, self._steps, self._limits)
 
     def _asked(self, command: float, angle: float) -> float:
         """Return what to ask of a rate-limited actuator, so that it goes as far in a step as ``command`` means it to.

@@ -118,6 +118,10 @@ class YinLqrObserver(_YinObserverPolicy):
     The estimates see a curve as a steering offset, so that what is fed back has no curve values left in it. It pays
     with noise: with 5 mrad/s, 3 mrad and 3 cm (standard deviations) in yaw rate, heading and lateral error, Yin's
     steering wheel moves at 1.5 rad/s RMS at 19 m/s and 50 ms, against 0.43 rad/s with `yin-lqr`.
+
+    Its model has no sideslip: on the van, whose tyres are soft for its mass, it is unstable from 30 m/s on (25 m/s with
+    50 ms of steering delay), and weights between these and the printed ones do not mend it. `lqg`, which has sideslip
+    in its model, is stable there.
     """
 
     name = "yin-lqr-observer"

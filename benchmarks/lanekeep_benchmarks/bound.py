@@ -17,6 +17,7 @@ import lanekeep_baselines
 import lanekeep_env
 from lanekeep_agents.optimum import Optimiser, best
 from lanekeep_agents.teacher import why_not
+from lanekeep_baselines.lq import LqPreview
 from lanekeep_benchmarks.evaluate import Batch, Driver, Policy, episode_seed, make_cars
 from lanekeep_benchmarks.lines import EpisodeResult, Place
 from lanekeep_benchmarks.made import make_definitions
@@ -139,7 +140,7 @@ def _lines(plan: BoundPlan, scenario: SuiteScenario, numbers: range, done: set[P
     definition = plan.definitions[scenario.name]
     drivers: dict[str, Policy] = {}
     if (truth := told_the_truth(definition)) is not None:
-        drivers[TOLD] = lanekeep_baselines.make("lq-preview", truth)
+        drivers[TOLD] = LqPreview(truth, LqPreview.weights)  # the least cost: without a reserve for margins
     # Last: a chunk whose optimum is on disk is done.
     drivers[BOUND] = Replay(_optimal_actions(scenario, seeds, scenario.policies_scenario(definition)))
     driver = Driver(plan.suite.name, plan.seed, lambda name, _: drivers[name])

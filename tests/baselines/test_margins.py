@@ -124,11 +124,11 @@ GATES = {
     "yin-lqr-feedforward": (2.0, 2.5),
     "yin-lqr-observer-printed": (2.0, 2.5),
     "yin-lqr-observer": (5.0, 9.0),
-    "lq-preview": (2.2, 2.6),
-    "mpc-preview": (2.2, 2.6),
-    "lq-preview-offset-free": (2.1, 4.5),
-    "lq-preview-trimmed": (2.1, 4.5),
-    "lqg": (3.2, 2.1),
+    "lq-preview": (2.0, 2.0),
+    "mpc-preview": (2.0, 2.0),
+    "lq-preview-offset-free": (2.0, 2.0),
+    "lq-preview-trimmed": (2.0, 2.05),
+    "lqg": (2.0, 2.0),
     "stanley": (2.4, 5.0),
 }
 
@@ -154,12 +154,14 @@ def test_a_steering_that_turns_too_far_takes_as_much_of_the_gain_margin() -> Non
 
 
 @pytest.mark.parametrize("name", ["lq-preview", "lq-preview-offset-free", "lqg"])
-def test_the_optima_keep_their_distance_on_the_car_they_are_tuned_for(name: str) -> None:
-    """Ms at most 2, the usual bound, from walking pace to 60 m/s, between the design points too."""
-    scenario = scenario_of()
-    policy = lanekeep_baselines.make(name, scenario)
-    for speed in (1.0, 1.5, 3.0, 7.2, 12.0, 14.5, 16.0, 25.0, 40.0, 60.0):
-        assert margins(policy, scenario, speed).sensitivity < 2.0
+@pytest.mark.parametrize("vehicle", ["yin", "van"])
+def test_the_optima_keep_their_distance_between_the_design_points_too(name: str, vehicle: str) -> None:
+    """Ms at most 2, the usual bound, from walking pace to 60 m/s, without and with a late steering."""
+    for delay, speeds in ((0.0, (1.0, 3.0, 7.2, 14.5, 16.0, 27.5, 60.0)), (0.05, (1.5, 12.0, 13.7, 22.4, 46.3, 60.0))):
+        scenario = scenario_of(vehicle={"base": vehicle, "steering": {"delay": delay}})
+        policy = lanekeep_baselines.make(name, scenario)
+        for speed in speeds:
+            assert margins(policy, scenario, speed).sensitivity < 2.0
 
 
 @pytest.mark.parametrize("name", ["lq-preview", "lq-preview-offset-free", "lqg"])
