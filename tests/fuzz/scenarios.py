@@ -1,4 +1,4 @@
-"""Random vehicles and scenarios, fields right or wrong by a factor or a unit: refused in one line, or driven.
+"""Random vehicles and scenarios, fields right, at their bounds, or wrong by a unit: refused in one line, or driven.
 
     python tests/fuzz/scenarios.py --count 10000 --seed 0
 
@@ -12,6 +12,7 @@ import argparse
 import contextlib
 import dataclasses
 import math
+import re
 import signal
 import sys
 import time
@@ -103,6 +104,8 @@ WORDS: dict[str, list[Any]] = {
     "set_speed": [20.0, [15.0, 35.0]],
     "modes": ["roundtrip", "park", [[0.0, "roundtrip"], [0.9, "obstacles"]], [[0.0, "roundtrip"], [0.9, "park"]]],
 }
+#: A bound in an error.
+_BOUND = re.compile(r"[<>]=? (-?[0-9.]*[0-9](?:e[-+]?[0-9]+)?)")
 #: Numbers of records that are off by default and so stand in no scenario.
 STEERING = {"lag": 0.1, "rate_limit": 0.4, "angle_limit": 0.5, "delay": 0.05, "backlash": 0.02}
 STEERING |= {"gain": 0.8, "offset": 0.02}
@@ -150,10 +153,10 @@ def random_case(rng: np.random.Generator, choosing: np.random.Generator | None =
         if steering["backlash"] and choosing.random() < 0.5:
             steering["feedback"] = "motor"
         chosen["vehicle"] = full["vehicle"]
-    return Case(env_id, {**chosen, **_wrong(full, rng)})
+    return Case(env_id, {**chosen, **_wrong(record, full, rng)})
 
 
-def _wrong(fields: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+def _wrong(record: Any, fields: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
     """Change up to four numbers of a scenario; return the top fields that they are part of."""
     places = list(_numbers(fields, ()))
     changed: dict[str, Any] = {}
@@ -166,13 +169,29 @@ def _wrong(fields: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
         for step in path[:-1]:
             holder = holder[step]
         value = holder[path[-1]]
-        if rng.random() < 0.1:
+        kind = rng.random()
+        if kind < 0.1:
             holder[path[-1]] = NASTY[int(rng.integers(len(NASTY)))]
+        elif kind < 0.4:
+            edges = _edges(record, fields, holder, path[-1])
+            holder[path[-1]] = edges[int(rng.integers(len(edges)))] if edges else value
         else:
             factor = FACTORS[int(rng.integers(len(FACTORS)))]
             holder[path[-1]] = type(value)(value * factor) if math.isfinite(value) and abs(value) < 1e15 else value
         changed[top] = fields[top]
     return changed
+
+
+def _edges(record: Any, fields: dict[str, Any], holder: Any, key: Any) -> list[float]:
+    """Least and most that a number may be beside the others, as the refusals of what is beyond that tell."""
+    found: set[str] = set()
+    for beyond in (-1e300, 1e300):
+        holder[key] = beyond
+        try:
+            record.from_keywords(**fields)
+        except (ValueError, TypeError) as error:
+            found |= set(_BOUND.findall(str(error)))
+    return [int(float(text)) if float(text).is_integer() else float(text) for text in sorted(found)]
 
 
 def _numbers(value: Any, path: tuple[Any, ...]) -> Iterator[tuple[Any, ...]]:
