@@ -11,6 +11,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from lanekeep_env.fingerprint import COMPILED_WITH
+from lanekeep_env.interrupts import uninterrupted
 from lanekeep_env.kernel_cache import KernelCache
 from lanekeep_env.linking import PartCompiler
 
@@ -68,6 +69,7 @@ def kernel(*, parallel: bool = False) -> Callable[[Callable[..., Any]], Callable
             return _quiet(function)
         compiled = numba.njit(nogil=True, parallel=parallel, **_OPTIONS)(function)
         compiled._cache = KernelCache(compiled)
+        compiled.compile = uninterrupted(compiled.compile)
         return compiled
 
     return compile_kernel

@@ -12,7 +12,7 @@ from gymnasium.spaces import Box
 
 from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
-from lanekeep_env.envs.skin import RENDER_MODES, Skin, check_modes, observation_space, seed_from
+from lanekeep_env.envs.skin import RENDER_MODES, Skin, check_modes, observation_space, require_numbers, seed_from
 from lanekeep_env.layout import O_REWARD, O_SUCCESS, O_TERMINATED, O_TRUNCATED
 from lanekeep_env.plain import own
 from lanekeep_env.rendering.window import Window
@@ -137,6 +137,7 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
                 f"action={shown(action)} has shape {given.shape}; it must have shape {self._shape}, in [-1, 1]"
             )
         try:
+            require_numbers(given)
             self._action[:] = [float(number) for number in given.tolist()]
         except (TypeError, ValueError, OverflowError):
             raise ValueError(f"action={shown(action)} is not a number; it must be one in [-1, 1]") from None

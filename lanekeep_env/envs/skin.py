@@ -142,6 +142,12 @@ def seed_from(value: Any) -> int | None:
         raise ValueError(f"seed={shown(value)} is not allowed: it must be a whole number >= 0 or None") from None
 
 
+def require_numbers(actions: np.ndarray) -> None:
+    """Raise TypeError for what NumPy would turn into numbers: text that reads like some, dates, complex ones."""
+    if actions.dtype.kind not in "fiubO":
+        raise TypeError
+
+
 def check_modes(render_mode: str | None, dtype: str) -> None:
     """Raise ValueError for a render mode or precision that does not exist."""
     if render_mode is not None:

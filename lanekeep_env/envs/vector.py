@@ -17,7 +17,7 @@ from lanekeep_env.checks import choose, require, shown
 from lanekeep_env.engine.threads import start_threads
 from lanekeep_env.envs.info import TRUTH
 from lanekeep_env.envs.single import SingleEnv
-from lanekeep_env.envs.skin import Skin, check_modes, observation_space, seed_from
+from lanekeep_env.envs.skin import Skin, check_modes, observation_space, require_numbers, seed_from
 
 _AUTORESET = {
     "next_step": (at.NEXT_STEP, AutoresetMode.NEXT_STEP),
@@ -142,6 +142,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if not self._started:
             raise gym.error.ResetNeeded("call reset() before step()")
         try:
+            require_numbers(given)
             core.action[...] = given
         except (TypeError, ValueError, OverflowError):
             raise ValueError(f"actions={shown(actions)} are not numbers; they must be some in [-1, 1]") from None

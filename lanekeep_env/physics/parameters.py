@@ -44,18 +44,18 @@ class SteeringActuator:
     offset: float = 0.0
 
     def __post_init__(self) -> None:
-        require("steering.lag", self.lag, "s", at_least=0.0, at_most=100.0)
-        require("steering.rate_limit", self.rate_limit, "rad/s", at_least=1e-4, at_most=1e4, optional=True)
-        require("steering.angle_limit", self.angle_limit, "rad", at_least=1e-4, at_most=1.5, optional=True)
-        require("steering.delay", self.delay, "s", at_least=0.0, at_most=2.0)
-        require("steering.backlash", self.backlash, "rad", at_least=0.0, at_most=0.5)
-        choose("steering.feedback", self.feedback, ("road_wheel", "motor"))
-        require("steering.gain", self.gain, "", at_least=0.05, at_most=20.0)
-        require("steering.offset", self.offset, "rad", at_least=-0.5, at_most=0.5)
+        require("vehicle.steering.lag", self.lag, "s", at_least=0.0, at_most=100.0)
+        require("vehicle.steering.rate_limit", self.rate_limit, "rad/s", at_least=1e-4, at_most=1e4, optional=True)
+        require("vehicle.steering.angle_limit", self.angle_limit, "rad", at_least=1e-4, at_most=1.5, optional=True)
+        require("vehicle.steering.delay", self.delay, "s", at_least=0.0, at_most=2.0)
+        require("vehicle.steering.backlash", self.backlash, "rad", at_least=0.0, at_most=0.5)
+        choose("vehicle.steering.feedback", self.feedback, ("road_wheel", "motor"))
+        require("vehicle.steering.gain", self.gain, "", at_least=0.05, at_most=20.0)
+        require("vehicle.steering.offset", self.offset, "rad", at_least=-0.5, at_most=0.5)
         if self.backlash > 0.0 and self.lag == 0.0:
             raise ValueError(
-                f"steering.backlash={self.backlash!r} is not allowed with lag=0: a loop of infinite gain would chatter "
-                "in the gap; give a lag > 0 s"
+                f"vehicle.steering.backlash={self.backlash!r} is not allowed with lag=0: a loop of infinite gain would "
+                "chatter in the gap; give a lag > 0 s"
             )
         plain_numbers(self)
 

@@ -200,10 +200,10 @@ def test_without_a_gap_there_is_no_gear():
 @pytest.mark.parametrize(
     ("steering", "words"),
     [
-        ({"backlash": 0.1, "lag": 0.0}, ["steering.backlash=0.1", "lag"]),
-        ({"backlash": -0.1, "lag": 0.1}, ["steering.backlash=-0.1", ">= 0", "rad"]),
-        ({"backlash": 0.7, "lag": 0.1}, ["steering.backlash=0.7", "<= 0.5"]),
-        ({"feedback": "wheel"}, ["steering.feedback='wheel'", "road_wheel", "motor"]),
+        ({"backlash": 0.1, "lag": 0.0}, ["vehicle.steering.backlash=0.1", "lag"]),
+        ({"backlash": -0.1, "lag": 0.1}, ["vehicle.steering.backlash=-0.1", ">= 0", "rad"]),
+        ({"backlash": 0.7, "lag": 0.1}, ["vehicle.steering.backlash=0.7", "<= 0.5"]),
+        ({"feedback": "wheel"}, ["vehicle.steering.feedback='wheel'", "road_wheel", "motor"]),
     ],
 )
 def test_wrong_gears_are_named(steering, words):

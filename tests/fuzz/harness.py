@@ -28,7 +28,7 @@ GIB = 1 << 30
 LONGEST_MESSAGE = 1500
 
 #: How much longer than the processor's time a case may take by the clock.
-PATIENCE = 3.0
+PATIENCE = 10.0
 
 
 def special_files(folder: Path) -> Iterator[tuple[str, Path]]:
