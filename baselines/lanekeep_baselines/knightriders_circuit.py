@@ -170,7 +170,7 @@ class KnightRidersCircuit(DrivingPolicy):
         lost = pilot.lost > 0.5
         known = self._locate(at, filtered, fresh, leg, way, lost)
         leg = leg._replace(corner=leg.corner - way * np.cos(known[:, 1]))
-        measured = np.where(lost, np.nan, known[:, 1])
+        measured = np.where(lost | (leg.phase != _WALL), np.nan, known[:, 1])
         sides = at["distance_right"], at["distance_left"]
         round_, left = self._legs.update(way_, fresh, way, turned, measured, *sides)
         leg = leg._replace(votes=leg.votes + left * self.DRIVEN)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats
+from lanekeep_env.sensing.ultrasonic import HALF_CONE
 
 _RIGHT_ANGLE = 0.5 * np.pi
 #: Heading from which on walls beside are those across the leg, rad.
@@ -88,13 +89,14 @@ class LegOdometer:
         start = (0.0 * way, 0.0 * way, 0.0 * way, 0.0 * way, right + left)
         heading, along, from_right, from_left, corridor = np.where(fresh, start, memory.T)
         heading = heading + turned
-        # Walls tell the heading but for right angles.
+        # Walls tell the heading but for right angles, echoes from both of them alone but for the cone.
         known = ~np.isnan(measured)
-        error = np.where(known, measured, heading) - heading
+        error = np.where(known, measured, 0.0) - heading
         error = error - _RIGHT_ANGLE * np.round(error / _RIGHT_ANGLE)
-        both = known & (right > 0.0) & (left > 0.0) & (np.abs(right + left - corridor) < self.SAME)
-        share = np.where(both, 1.0, np.where(np.abs(error) < self.WITHIN, self.GAIN, 0.0))
-        heading = wrapped(heading + share * error)
+        both = (right > 0.0) & (left > 0.0) & (np.abs(right + left - corridor) < self.SAME)
+        slow = np.where(known & (np.abs(error) < self.WITHIN), self.GAIN, 0.0)
+        beyond = error - np.clip(error, -HALF_CONE, HALF_CONE)
+        heading = wrapped(heading + np.where(both, np.where(known, error, beyond), slow * error))
         along, across = along + way * np.cos(heading), way * np.sin(heading)
         ahead = both & (np.abs(heading) < 0.5 * _RIGHT_ANGLE)
         back = both & (np.abs(heading) > 1.5 * _RIGHT_ANGLE)
@@ -105,6 +107,7 @@ class LegOdometer:
         from_right, from_left = np.maximum(from_right, 0.0), np.maximum(from_left, 0.0)
         most = corridor - self._width
         out = 1.0 * (from_right > most) - 1.0 * (from_left > most)
+        out = np.where(both & ~ahead & ~back, np.sign(heading), out)
         heading = wrapped(heading - out * np.where(along < 0.0, -_RIGHT_ANGLE, _RIGHT_ANGLE))
         along, from_right, from_left = (np.where(out != 0.0, 0.0, value) for value in (along, from_right, from_left))
         return Way(heading, along, from_right, from_left, corridor), out
