@@ -36,6 +36,9 @@ class _Short(reprlib.Repr):
         digits = int(value.bit_length() * math.log10(2.0))
         return repr(value) if digits < LONGEST_ECHO else f"<an integer of {digits} digits>"
 
+    def repr_DataFrame(self, value: Any, level: int) -> str:  # reprlib's way to name a class: pandas', polars'
+        return f"<DataFrame of shape {getattr(value, 'shape', None)}>"
+
 
 _SHORT = _Short()
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother, _SHORT.maxlong = 3, LONGEST_ECHO, LONGEST_ECHO, LONGEST_ECHO

@@ -170,8 +170,9 @@ class KnightRidersCircuit(DrivingPolicy):
         lost = pilot.lost > 0.5
         known = self._locate(at, filtered, fresh, leg, way, lost)
         leg = leg._replace(corner=leg.corner - way * np.cos(known[:, 1]))
-        measured = np.where(lost, np.nan, known[:, 1])
-        round_, left = self._legs.update(way_, fresh, way, turned, measured, at["distance_right"] + at["distance_left"])
+        measured = np.where(lost | (leg.phase != _WALL), np.nan, known[:, 1])
+        sides = at["distance_right"], at["distance_left"]
+        round_, left = self._legs.update(way_, fresh, way, turned, measured, *sides)
         leg = leg._replace(votes=leg.votes + left * self.DRIVEN)
         known, leg, pilot = self._take_up(at, known, leg, pilot._replace(heading=round_.heading))
         known, leg = self._change_over(known, leg)

@@ -186,6 +186,10 @@ VEHICLES: dict[str, VehicleParameters] = {
 }
 
 
+#: What cars are often given by, and of what it is made here.
+_MADE_OF = {"wheelbase": " (it is cg_to_front_axle + cg_to_rear_axle)"}
+
+
 def vehicle_from(value: str | Path | Mapping[str, Any] | VehicleParameters) -> VehicleParameters:
     """Read a vehicle: a name, a record, a file, or a mapping of changes to one of these (``base``, "yin" if absent).
 
@@ -229,7 +233,6 @@ def vehicle_from(value: str | Path | Mapping[str, Any] | VehicleParameters) -> V
     unknown = [key for key in changes if key not in VehicleParameters.__dataclass_fields__]
     if unknown:
         fields = VehicleParameters.__dataclass_fields__
-        raise ValueError(
-            f"vehicle has no field {shown(unknown[0])}{nearest(unknown[0], fields)}; allowed: base, {', '.join(fields)}"
-        )
+        near = _MADE_OF.get(unknown[0]) or nearest(unknown[0], fields)
+        raise ValueError(f"vehicle has no field {shown(unknown[0])}{near}; allowed: base, {', '.join(fields)}")
     return replace(base, **changes)

@@ -129,7 +129,10 @@ def road_from(value: Any) -> RoadRecord:
     if isinstance(value, list | tuple | np.ndarray):
         return RoadPoints(value)  # type: ignore[arg-type]
     if not isinstance(value, Mapping):
-        raise ValueError(f"road={shown(value)} must be a name, a mapping with 'kind', points (n, 2), or a file's path")
+        raise ValueError(
+            f"road={shown(value)} must be a name, a mapping with 'kind', points (n, 2), such as "
+            "table[['x', 'y']].to_numpy(), or a file's path"
+        )
     settings = dict(value)
     kind = settings.pop("kind", None)
     if not isinstance(kind, str) or kind not in ROADS:

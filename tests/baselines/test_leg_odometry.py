@@ -19,10 +19,8 @@ def follow(ways: np.ndarray, turns: np.ndarray, seen: bool = False) -> tuple[np.
     true, headings, exits = 0.0, [], []
     for k, (way, turned) in enumerate(zip(ways, turns, strict=True)):
         true += turned
-        measured = np.array([true if seen else np.nan])
-        found, left = odometer.update(
-            memory, k == 0, np.array([way]), np.array([turned]), measured, np.array([CORRIDOR])
-        )
+        measured, width = np.array([true if seen else np.nan]), np.array([0.0 if k else CORRIDOR])
+        found, left = odometer.update(memory, k == 0, np.array([way]), np.array([turned]), measured, width, 0.0 * width)
         memory = np.stack(found, axis=1)
         headings.append(found.heading[0])
         exits.append(left[0])
@@ -84,3 +82,29 @@ def test_no_drive_within_a_corridor_leaves_it(turns: list[float], start: float) 
     headings, exits = follow(np.full(len(kept), STEP), np.array(kept))
     assert not exits.any()
     assert abs(wrapped(headings[-1:] - heading)[0]) < 1e-9
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_no_bend_of_a_corridor_turns_a_car_round(known: bool) -> None:
+    """Cars sway along straights and bends of 1.9 to 20 m radius, both walls beside: their way on is always ahead."""
+    cars, steps, rng = 200, 1500, np.random.default_rng(0)
+    bend = np.zeros((steps, cars))
+    for k in range(cars):
+        at = 0
+        while at < steps:
+            at += int(rng.uniform(0.0, 15.0) / STEP)
+            radius, turn = np.exp(rng.uniform(np.log(1.9), np.log(20.0))), rng.uniform(0.1, 3.0)
+            end = at + round(turn * radius / STEP)
+            bend[at:end, k] = rng.choice([-1.0, 1.0]) / radius
+            at = end
+    way = STEP * np.arange(steps)[:, None]
+    off = 0.3 * np.sin(way * rng.uniform(0.1, 0.6, cars) + rng.uniform(0.0, 6.0, cars))
+    along = np.arctan(np.gradient(off, STEP, axis=0))
+    turned = np.diff(np.cumsum(bend * STEP, axis=0) + along, axis=0, prepend=along[:1])
+    odometer, memory = LegOdometer(BODY), np.zeros((cars, len(Way._fields)))
+    for k in range(steps):
+        seen = along[k] + (rng.normal(0.0, 0.03, cars) if known else np.nan)
+        sides = 0.5 * CORRIDOR + off[k], 0.5 * CORRIDOR - off[k]
+        found, _ = odometer.update(memory, k == 0, np.full(cars, STEP), turned[k], seen, *sides)
+        memory = np.stack(found, axis=1)
+        assert np.abs(found.heading).max() < 0.5 * CORNER

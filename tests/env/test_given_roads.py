@@ -29,6 +29,14 @@ def test_points_from_memory():
     assert "of shape (100000, 3)" in str(caught.value) and len(str(caught.value)) < 200
 
 
+def test_a_table_of_pandas_is_named_not_printed():
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame(TRUTH.position(np.arange(0.0, 200.1, 4.0)), columns=["x", "y"])
+    with pytest.raises(ValueError, match=r"^road=<DataFrame of shape \(51, 2\)> must be .*to_numpy.*path$"):
+        road_from(table)
+    assert road_from(table[["x", "y"]].to_numpy()).build()[0].length == pytest.approx(200.0, abs=1e-4)
+
+
 def test_clothoids_from_memory():
     rows = np.column_stack([TRUTH.lengths, TRUTH.curvature_start, TRUTH.curvature_end])
     (road,) = road_from({"kind": "clothoids", "segments": rows}).build()

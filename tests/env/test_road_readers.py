@@ -297,7 +297,7 @@ WAYS_OUT = [
     ("road.gpx", "<kml></kml>", ["root <kml>", "expected <gpx>"]),
     ("road.gpx", "<gpx></gpx>", ["holds no track segments"]),
     ("road.xml", "<osm></osm>", ["not <commonRoad>", ".xodr"]),
-    ("road.osm", "<osm></osm>", ["ending '.osm' is unknown", ".geojson"]),
+    ("road.osm", "<osm></osm>", ["ending '.osm' is unknown; export it as .geojson;"]),
     ("road.xodr", '<!DOCTYPE a [<!ENTITY b "c">]><OpenDRIVE/>', ["DOCTYPE", "not allowed"]),
     ("road.xodr", "<OpenDRIVE>", ["not XML", "line 1"]),
     ("road.geojson", "[1, 2", ["not JSON"]),

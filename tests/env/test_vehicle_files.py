@@ -33,6 +33,7 @@ FAULTS = [
     ('{"mass": "1.7 stone"}', ["mass='1.7 stone'", "allowed units: kg, t, g, lb"]),
     ('{"mas": 3}', ["no field 'mas'", "did you mean 'mass'"]),
     ('{"mass": "heavy"}', ["mass='heavy'"]),
+    ('{"wheelbase": 2.5}', ["no field 'wheelbase' (it is cg_to_front_axle + cg_to_rear_axle)"]),
     ('{"steering": {"lagg": 1}}', ["vehicle.steering has no field 'lagg'"]),
     ('{"steering": 3}', ["vehicle.steering=3 must be"]),
     ('{"base": "pasat"}', ["base='pasat' is unknown", "did you mean 'passat'"]),

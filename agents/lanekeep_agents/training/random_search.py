@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 #: What a failed episode costs the search besides: what happens once in 500 episodes must not be worth its gain.
 CHARGE = 1000.0
 #: Of learning at first, in units of the search's width; and what seeds of episodes are drawn below.
-RATE, LARGEST_SEED = 0.5, 1 << 31
+RATE, LARGEST_SEED = 1.0, 1 << 31
 
 
 def search(
@@ -33,8 +33,10 @@ def search(
 ) -> tuple[Floats, int]:
     """Return the weights, (actions, inputs + 1), that returns in all worlds lead to, and the steps that it took.
 
+    A candidate's return is the mean over all worlds: each by itself would ascend as far, whatever that costs in others.
+
     Args:
-        worlds: one after the other, as many steps at least as were asked for; the first one's inputs normalise all.
+        worlds: of as many cars each, as many steps at least as were asked for; the first one's inputs normalise all.
         width: of the search, of each weight: (actions, inputs + 1), or what broadcasts to it.
         pairs: directions that are tried at once, each both ways.
         steps: of all cars; the rate falls with them from `RATE` to nothing.
@@ -42,16 +44,22 @@ def search(
     """
     first = worlds[0]
     first.normalise(rng.integers(LARGEST_SEED, size=first.cars))
-    weights = np.zeros((first.scenario.num_actions, len(first.mean) + 1))
-    driven = tried = 0
-    while driven < steps:
-        world = worlds[tried % len(worlds)]
+    for world in worlds:
         world.mean, world.deviation = first.mean, first.deviation
-        episodes = rng.integers(LARGEST_SEED, size=world.cars // (2 * pairs))
-        returns = partial(world.returns, seeds=episodes)
+    weights = np.zeros((first.scenario.num_actions, len(first.mean) + 1))
+    driven = 0
+    while driven < steps:
+        episodes = rng.integers(LARGEST_SEED, size=(len(worlds), first.cars // (2 * pairs)))
+        returns = partial(_over_all, worlds, episodes)
         weights = ascend(weights, width, returns, pairs, RATE * (1.0 - driven / steps), rng)
-        driven, tried = driven + world.cars * world.scenario.episode_steps, tried + 1
+        driven += sum(world.cars * world.scenario.episode_steps for world in worlds)
     return weights, driven
+
+
+def _over_all(worlds: Sequence[Corrected], episodes: NDArray[np.int64], candidates: Floats) -> Floats:
+    """Return each candidate's mean return over all worlds, (n,), each with its row of ``episodes``."""
+    found: Floats = np.mean([w.returns(candidates, seeds) for w, seeds in zip(worlds, episodes, strict=True)], axis=0)
+    return found
 
 
 def ascend(

@@ -31,6 +31,12 @@ LARGEST_MARKUP = 16 << 20
 #: Those that hold several lines.
 _CHOOSING = (".geojson", ".json", ".gpx", ".kml", ".xodr", ".xml")
 
+#: What nobody reads here, and as what its programs write it too.
+_EXPORTED = {
+    **dict.fromkeys((".osm", ".pbf", ".shp", ".gpkg"), ".geojson"),
+    **dict.fromkeys((".xlsx", ".xls", ".ods", ".parquet", ".mat", ".npy"), ".csv"),
+}
+
 
 def read_drawing(path: str | Path, content: bytes, choice: Choice, name: str) -> Drawing:
     """Read a road file's content with the reader of its ending; ``name`` is what errors call it.
@@ -41,8 +47,8 @@ def read_drawing(path: str | Path, content: bytes, choice: Choice, name: str) ->
     suffix = Path(path).suffix.lower()
     if suffix not in READERS:
         if content.lstrip()[:1] in (b"<", b"{", b"[") or b"\0" in content[:1000].replace(b"\xff\xfe", b""):
-            near = nearest(suffix, READERS)
-            raise ValueError(f"{name}: the ending {shown(suffix)} is unknown{near}; allowed: {', '.join(READERS)}")
+            way = f"; export it as {_EXPORTED[suffix]}" if suffix in _EXPORTED else nearest(suffix, READERS)
+            raise ValueError(f"{name}: the ending {shown(suffix)} is unknown{way}; allowed: {', '.join(READERS)}")
         suffix = ".csv"
     if choice.track is not None and suffix not in _CHOOSING:
         raise ValueError(f"{name}: track={shown(choice.track)} has no effect: such a file holds one line")
