@@ -13,6 +13,7 @@ from lanekeep_benchmarks.metrics import metrics_of
 from lanekeep_benchmarks.policies import check_policy, default_policies
 from lanekeep_benchmarks.suites import Suite, SuiteScenario
 from lanekeep_env.adapters import scenario_class
+from lanekeep_env.checks import shown
 
 
 class Made(NamedTuple):
@@ -46,7 +47,12 @@ def _made(scenario: SuiteScenario) -> Made:
     definition = record.from_keywords(**scenario.keywords)  # which knows no keywords but the scenario's
     record.check_names(scenario.told)
     # What has no effect on the car that policies believe in has one on the true one.
-    scenario.policies_scenario(definition)
+    told = scenario.policies_scenario(definition)
+    driven, believed = ([channel.name for channel in one.channels] for one in (definition, told))
+    if driven != believed:
+        odd = next(name for name in (*driven, *believed) if (name in driven) != (name in believed))
+        where = "driven" if odd in driven else "told"
+        raise ValueError(f"told={shown(dict(scenario.told))} is not allowed: only what is {where} has a channel {odd}")
     env = make_cars(scenario, 1)
     metrics = metrics_of(scenario.env_id, env.unwrapped.truth, scenario.metrics)
     if scenario.options:

@@ -156,6 +156,8 @@ def test_a_file_is_driven_and_resumed_and_a_changed_one_is_refused(mine, tmp_pat
         (HEAD + ONE + 'keywords.dtype = "float32"', ["scenario a: got an unexpected keyword argument 'dtype'"]),
         (HEAD + ONE + "keywords.road.kind = 'randon'", ["scenario a: ", "'randon'", "'random'"]),
         (HEAD + ONE + "told.frction = 0.6", ["scenario a: got an unexpected keyword argument 'frction'"]),
+        (HEAD + ONE + "told.sensors.yaw_rate.dropout = 0.1", ["scenario a: told=", "told has a channel yaw_rate_new"]),
+        (HEAD + ONE + "told.preview = 2\nkeywords.preview = 3", ["told={'preview': 2}", "driven has a channel"]),
         (HEAD + ONE + 'metrics = ["rms_eror"]', ["scenario 1: metrics='rms_eror' is unknown"]),
         (HEAD + ONE + 'metrics = ["return", "return"]', ["scenario 1: metrics must differ: 'return' appears twice"]),
         (HEAD + ONE + "metrics = [3]", ["metrics=3 is unknown"]),
