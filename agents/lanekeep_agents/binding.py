@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -122,10 +121,20 @@ class Binding:
         return converted
 
 
-@lru_cache(maxsize=64)
+#: Controllers by name, kind and hash of the scenario, and how many are kept.
+_DESIGNED: dict[tuple[str, type, str], lanekeep_baselines.Policy] = {}
+_MOST_DESIGNED = 64
+
+
 def _designed(name: str, scenario: CarScenario) -> lanekeep_baselines.Policy:
     """A controller has no state: whoever makes a policy again and again, as training does, designs it once."""
-    return lanekeep_baselines.make(name, scenario)
+    key = name, type(scenario), scenario.hash
+    if key not in _DESIGNED:
+        designed = lanekeep_baselines.make(name, scenario)
+        if len(_DESIGNED) == _MOST_DESIGNED:
+            _DESIGNED.pop(next(iter(_DESIGNED)))
+        _DESIGNED[key] = designed
+    return _DESIGNED[key]
 
 
 def _record_of(record: PolicyRecord) -> Any:
