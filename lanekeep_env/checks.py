@@ -15,6 +15,8 @@ T = TypeVar("T")
 
 #: Characters of a value that an error repeats at the most.
 LONGEST_ECHO = 80
+#: Roads, worlds or timelines of a set at the most: all are made before the first episode, in less than a minute.
+LARGEST_SET = 10_000
 
 
 def shown(value: Any) -> str:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from lanekeep_env.checks import plain_numbers, require
+from lanekeep_env.checks import LARGEST_SET, plain_numbers, require
 from lanekeep_env.roads.road import Floats, Road, fitted
 
 #: All roads of a set together, m, so that building them takes seconds and their table some 100 MB at the most.
@@ -199,7 +199,7 @@ class RandomRoads(RoadRecord):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
+        require("road.count", self.count, "roads", at_least=1, at_most=LARGEST_SET, whole=True)
         require("road.length", self.length, "m", at_least=500.0, at_most=1e6)
         check_total(self.count, self.length)
         require("road.design_speed", self.design_speed, "m/s", at_least=1.0, at_most=100.0)
@@ -258,7 +258,7 @@ class RoadWorksRoads(RoadRecord):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
+        require("road.count", self.count, "roads", at_least=1, at_most=LARGEST_SET, whole=True)
         require("road.length", self.length, "m", at_least=500.0, at_most=1e6)
         check_total(self.count, self.length)
         require("road.shift", self.shift, "m", at_least=1e-3, at_most=20.0)

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from lanekeep_env.checks import choose, ordered, require
+from lanekeep_env.checks import LARGEST_SET, choose, ordered, require
 from lanekeep_env.roads.generators import RoadRecord
 from lanekeep_env.roads.road import Floats, Road, fitted
 
@@ -90,7 +90,7 @@ class ParkingPaths(RoadRecord):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        require("road.count", self.count, "paths", at_least=1, at_most=100_000, whole=True)
+        require("road.count", self.count, "paths", at_least=1, at_most=LARGEST_SET, whole=True)
         require("road.smallest_radius", self.smallest_radius, "m", at_least=1e-2)
         require("road.largest_radius", self.largest_radius, "m", at_least=1e-2, at_most=1e6)
         ordered(self, "road", "smallest_radius", "largest_radius")

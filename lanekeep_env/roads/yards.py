@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from lanekeep_env.checks import choose, ordered, require
+from lanekeep_env.checks import LARGEST_SET, choose, ordered, require
 from lanekeep_env.roads.generators import RoadRecord, check_total
 from lanekeep_env.roads.road import Road
 
@@ -39,7 +39,7 @@ class YardRoads(RoadRecord):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
+        require("road.count", self.count, "roads", at_least=1, at_most=LARGEST_SET, whole=True)
         require("road.length", self.length, "m", at_least=50.0, at_most=1e6)
         check_total(self.count, self.length)
         require("road.smallest_radius", self.smallest_radius, "m", at_least=1e-2)
@@ -109,7 +109,7 @@ class TurnOffRoads(RoadRecord):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
+        require("road.count", self.count, "roads", at_least=1, at_most=LARGEST_SET, whole=True)
         require("road.smallest_radius", self.smallest_radius, "m", at_least=1e-2)
         require("road.largest_radius", self.largest_radius, "m", at_least=1e-2, at_most=1e6)
         ordered(self, "road", "smallest_radius", "largest_radius")
@@ -166,7 +166,7 @@ class BypassRoads(RoadRecord):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        require("road.count", self.count, "roads", at_least=1, at_most=100_000, whole=True)
+        require("road.count", self.count, "roads", at_least=1, at_most=LARGEST_SET, whole=True)
         require("road.smallest_shift", self.smallest_shift, "m", at_least=1e-2)
         require("road.largest_shift", self.largest_shift, "m", at_least=1e-2, at_most=1e3)
         ordered(self, "road", "smallest_shift", "largest_shift")

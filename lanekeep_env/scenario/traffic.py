@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lanekeep_env import layout as at
-from lanekeep_env.checks import choose, from_mapping, plain_numbers, require, shown
+from lanekeep_env.checks import LARGEST_SET, choose, from_mapping, plain_numbers, require, shown
 
 #: Kinds of events and the units of the numbers that follow time and kind.
 EVENTS: dict[str, tuple[int, tuple[str, ...]]] = {
@@ -81,7 +81,7 @@ class Traffic:
         if self.events and (self.events[0][0] != 0.0 or self.events[0][1] != "speed"):
             raise ValueError('traffic.events must begin with (0.0, "speed", m/s)')
         self._check_there()
-        require("traffic.count", self.count, "timelines", at_least=1, at_most=100_000, whole=True)
+        require("traffic.count", self.count, "timelines", at_least=1, at_most=LARGEST_SET, whole=True)
         longest = min(LONGEST, (LARGEST_TABLE // _EVENT_SIZE // int(self.count) - _FURTHER) * _SOONEST)
         require("traffic.duration", self.duration, f"s for {int(self.count)} timelines", above=0.0, at_most=longest)
         require("traffic.largest_speed", self.largest_speed, "m/s", at_least=5.0, at_most=30.0)

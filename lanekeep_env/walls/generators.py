@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from lanekeep_env.checks import choose, ordered, plain_numbers, require, shown
+from lanekeep_env.checks import LARGEST_SET, choose, ordered, plain_numbers, require, shown
 from lanekeep_env.walls.shapes import bend_radius, outline, rectangle, rounded, with_windows
 from lanekeep_env.walls.world import Floats, World
 
@@ -243,7 +243,7 @@ class RandomCircuits(WorldRecord):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        require("world.count", self.count, "circuits", at_least=1, at_most=100_000, whole=True)
+        require("world.count", self.count, "circuits", at_least=1, at_most=LARGEST_SET, whole=True)
         require("world.narrowest", self.narrowest, "m", at_least=_NARROWEST, at_most=100.0)
         require("world.widest", self.widest, "m", at_least=_NARROWEST, at_most=100.0)
         ordered(self, "world", "narrowest", "widest")

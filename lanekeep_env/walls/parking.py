@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from lanekeep_env.checks import plain_numbers, require, shown
+from lanekeep_env.checks import LARGEST_SET, plain_numbers, require, shown
 from lanekeep_env.walls.boxes import Box, box_outline
 from lanekeep_env.walls.generators import END_SPACE, WorldRecord, range_of
 from lanekeep_env.walls.shapes import outline, rectangle
@@ -158,7 +158,7 @@ class RandomParkingRows(WorldRecord):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        require("world.count", self.count, "streets", at_least=1, at_most=100_000, whole=True)
+        require("world.count", self.count, "streets", at_least=1, at_most=LARGEST_SET, whole=True)
         for name, least, most in (
             ("longer", 0.05, 100.0),
             ("shorter", 0.01, 100.0),
