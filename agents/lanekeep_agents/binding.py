@@ -60,7 +60,10 @@ class Binding:
     def has_base(self) -> bool:
         """Tell whether there are bases that can drive the scenario, or none is asked for; nothing is designed."""
         wanted = self._record.bases
-        return not wanted or set(wanted) <= set(lanekeep_baselines.names(self._base_scenario()))
+        try:
+            return not wanted or set(wanted) <= set(lanekeep_baselines.names(self._base_scenario()))
+        except ValueError:
+            return False
 
     def make_bases(self) -> list[lanekeep_baselines.Policy]:
         """Make the classical policies that the record asks for; ValueError where one of them cannot drive."""
@@ -73,10 +76,20 @@ class Binding:
             raise ValueError(f"policy {self._record.name!r}: base={shown(name)}: {one_line(error)}") from None
 
     def _base_scenario(self) -> CarScenario:
-        """The scenario with the action trained on, so that both meanings of the base, input and sum, stay the same."""
+        """The scenario with the action trained on, so that both meanings of the base, input and sum, stay the same.
+
+        Raises:
+            ValueError: its action is settled, and another one.
+        """
         record, scenario = self._record, self.scenario
         if not self._converts:
             return scenario
+        if "action" not in {field.name for field in fields(scenario)}:  # an adapter's
+            raise ValueError(
+                f"policy {record.name!r}: max_steering_angle={shown(record.max_steering_angle)} is not allowed with "
+                f"base={shown(record.bases[0])} in this scenario, whose actions are angles up to "
+                f"{scenario.max_steering_angle:.6g} rad"
+            )
         return replace(
             scenario,
             action=record.action,

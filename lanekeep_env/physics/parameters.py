@@ -13,6 +13,8 @@ from lanekeep_env.checks import choose, plain_numbers, require, require_line, sh
 GRAVITY = 9.81
 #: Density of air, kg/m³.
 AIR_DENSITY = 1.2
+#: Lag that is not none, s: less is no actuator's, and divides numbers beyond what floats hold.
+LEAST_LAG = 1e-6
 #: A car's side area over length times width, and centre of wind pressure ahead of the middle over the wheelbase.
 _SIDE_SHARE, _WIND_SHARE = 0.62, 0.17
 
@@ -22,7 +24,7 @@ class SteeringActuator:
     """What stands between the steering command and the road wheel; everything is off by default.
 
     Attributes:
-        lag: time constant of the first-order lag (PT1) in s, 0 for none.
+        lag: time constant of the first-order lag (PT1) in s, 0 for none, else at least `LEAST_LAG`.
         rate_limit: largest speed of the road wheel in rad/s, None for none.
         angle_limit: largest road-wheel angle in rad, either side, None for none.
         delay: transport delay of the command in s, a multiple of 10 ms, or of 5 ms between walls.
@@ -52,6 +54,10 @@ class SteeringActuator:
         choose("vehicle.steering.feedback", self.feedback, ("road_wheel", "motor"))
         require("vehicle.steering.gain", self.gain, "", at_least=0.05, at_most=20.0)
         require("vehicle.steering.offset", self.offset, "rad", at_least=-0.5, at_most=0.5)
+        if 0.0 < self.lag < LEAST_LAG:
+            raise ValueError(
+                f"vehicle.steering.lag={self.lag!r} s is not allowed: it must be 0, or at least {LEAST_LAG:g} s"
+            )
         if self.backlash > 0.0 and self.lag == 0.0:
             raise ValueError(
                 f"vehicle.steering.backlash={self.backlash!r} is not allowed with lag=0: a loop of infinite gain would "

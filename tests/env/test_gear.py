@@ -201,6 +201,7 @@ def test_without_a_gap_there_is_no_gear():
     ("steering", "words"),
     [
         ({"backlash": 0.1, "lag": 0.0}, ["vehicle.steering.backlash=0.1", "lag"]),
+        ({"lag": 5e-324}, ["vehicle.steering.lag=5e-324 s", "0, or at least 1e-06 s"]),
         ({"backlash": -0.1, "lag": 0.1}, ["vehicle.steering.backlash=-0.1", ">= 0", "rad"]),
         ({"backlash": 0.7, "lag": 0.1}, ["vehicle.steering.backlash=0.7", "<= 0.5"]),
         ({"feedback": "wheel"}, ["vehicle.steering.feedback='wheel'", "road_wheel", "motor"]),
