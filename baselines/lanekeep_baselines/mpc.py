@@ -52,15 +52,15 @@ class MpcPreview(LqPreview):
         angle = min(scenario.max_steering_angle, steering.angle_limit or math.inf)
         saturates = scenario.tyre != "linear" and self._slip
         self._limits = Limits(angle, rate, scenario.friction if saturates else math.inf)
-        self._offsets: SlipOffsets | None = None
-        self._lag = steering.lag
-        # From what is seen (estimates, commands on their way, samples of the road) to what the program knows: the
-        # curvature at the ends of the horizon's steps is linear between samples and held behind them.
-        states, samples = STATES + self._on_the_way, len(self._samples)
-        ends, places = self._step * np.arange(self._steps), scenario.preview_interval * np.arange(samples)
-        self._ahead = np.array([np.interp(ends, places, one) for one in np.eye(samples)])
+        self._offsets = None
         if saturates:
             self._offsets = SlipOffsets(scenario.vehicle, scenario.friction, scenario.tyre == "load_sensitive")
+        self._lag = steering.lag
+        # From samples of the road to the curvature at the horizon's steps: linear between them, held behind.
+        samples = len(self._samples)
+        ends, places = self._step * np.arange(self._steps), scenario.preview_interval * np.arange(samples)
+        self._ahead = np.array([np.interp(ends, places, one) for one in np.eye(samples)])
+        if self._offsets is not None:
             self._design_offsets()
 
     def _design_offsets(self) -> None:

@@ -188,8 +188,9 @@ def test_where_no_limit_is_met_it_is_the_optimum() -> None:
         {"action": "steering_rate", "max_steering_rate": 0.05},
         {"max_steering_angle": 0.035},
         {"tyre": "magic_formula", "friction": 0.45},
+        {"tyre": "load_sensitive", "speed": {"lateral_acceleration": 6.5}},
     ],
-    ids=["rate", "rate as action", "angle", "friction"],
+    ids=["rate", "rate as action", "angle", "friction", "load transfer"],
 )
 def test_where_a_limit_is_met_it_costs_less_than_the_optimum_that_does_not_know_it(keywords: dict[str, Any]) -> None:
     found, stays = returns("mpc-preview", 48, **keywords)
