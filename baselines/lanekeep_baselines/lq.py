@@ -185,12 +185,16 @@ class LinearQuadratic(SteeringPolicy):
             inputs = [memory[:, :states], commands, np.stack(measured, axis=1)]
             if road:
                 inputs.insert(1, np.stack([memory[:, states], road[0]], axis=1))
-            followed = weighted_sum(self._filter(speed), np.concatenate(inputs, axis=1))
+            followed = self._follow(speed, inputs)
             estimates = np.where(started, estimates, followed)
         sent = commands[:, : self._on_the_way]
         seen = np.concatenate([estimates[:, : self.estimated.states], sent, *[one[:, None] for one in road]], axis=1)
         now = road[0][:, None] if road else np.zeros((len(speed), 0))
         return self.steer(speed, seen), np.concatenate([estimates, now, sent], axis=1)
+
+    def _follow(self, speed: Floats, inputs: list[Floats]) -> Floats:
+        """Return the next estimates from the last ones, the curvatures where they are known, commands and sensors."""
+        return weighted_sum(self._filter(speed), np.concatenate(inputs, axis=1))
 
     def steer(self, speed: Floats, seen: Floats) -> Floats:
         """Return the command, rad, (n,), for estimates, commands on their way and the road ahead side by side."""

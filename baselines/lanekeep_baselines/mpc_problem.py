@@ -2,7 +2,8 @@
 
     minimise U'HU / 2 + (F t)'U,   |U| <= angle,   |G U + E t| <= limit,
 
-with t = (z, o_f, o_r, kappa[0] ... kappa[N]). The horizon ends where the road ahead does; what follows costs what the
+with t = (z, o_f[0], o_r[0] ... o_f[N], o_r[N], kappa[0] ... kappa[N]); slip offsets are held over a step, and the last
+ones for ever, as the last curvature is. The horizon ends where the road ahead does; what follows costs what the
 optimum without limits makes of it, so that the program's first command is `lq-preview`'s wherever no limit is met.
 """
 
@@ -66,10 +67,10 @@ class Problem:
         """Condense ``steps`` - 1 control steps of ``step`` s, at whose ``steps`` ends the curvature is known."""
         stage = Stage.of(StepModel.of(car, speed, step, slip), cost, step)
         n, horizon = len(stage.a), steps - 1
-        width = n + 2 + steps
+        width = n + 3 * steps
         moved, given = np.zeros((n, horizon)), np.eye(n, width)
         hessian, linear = np.zeros((horizon, horizon)), np.zeros((horizon, width))
-        axles = _axle_slips(car, max(speed, SLOWEST), n, width) if slip and math.isfinite(limits.friction) else None
+        axles = _axle_slips(car, max(speed, SLOWEST), n) if slip and math.isfinite(limits.friction) else None
         rows: list[Floats] = []
         known: list[Floats] = []
         most: list[float] = []
@@ -78,7 +79,7 @@ class Problem:
             told, told_given = stage.output @ moved + stage.direct @ here, stage.output @ given
             hessian += told.T @ told
             linear += told.T @ told_given
-            disturbance = stage.known @ _disturbing(n, width, k, k + 1)
+            disturbance = stage.known @ _disturbing(n, steps, k, k + 1)
             before = moved[STEER], given[STEER]
             moved, given = stage.a @ moved + stage.b @ here, stage.a @ given + disturbance
             if math.isfinite(limits.rate):
@@ -86,12 +87,12 @@ class Problem:
                 known.append(given[STEER] - before[1])
                 most.append(limits.rate * step)
             if axles is not None:
-                for slip_force, offset, peak in axles:
+                for slip_force, peak in axles:
                     rows.append(slip_force @ moved)
-                    known.append(slip_force @ given + offset)
+                    known.append(slip_force @ given)
                     most.append(limits.friction * peak)
         # What follows: z'Pz + 2 p'z with the last curvature held.
-        held = stage.p @ stage.known @ _disturbing(n, width, horizon, horizon)
+        held = stage.p @ stage.known @ _disturbing(n, steps, horizon, horizon)
         closed = stage.closed().T
         after = np.linalg.solve(np.eye(n) - closed, closed @ held)
         hessian += moved.T @ stage.p @ moved
@@ -131,11 +132,11 @@ class Problem:
 _SOFT = 8
 
 
-def _disturbing(n: int, width: int, now: int, then: int) -> Floats:
-    """What selects (o_f, o_r, kappa[now], kappa[then]) of t, shape (4, width)."""
-    chosen = np.zeros((4, width))
-    for row, column in enumerate((n, n + 1, n + 2 + now, n + 2 + then)):
-        chosen[row, column] = 1.0
+def _disturbing(n: int, steps: int, now: int, then: int) -> Floats:
+    """What selects (o_f[now], o_r[now], kappa[now], kappa[then]) of t, shape (4, n + 3 steps)."""
+    chosen = np.zeros((4, n + 3 * steps))
+    for row, column in enumerate((2 * now, 2 * now + 1, 2 * steps + now, 2 * steps + then)):
+        chosen[row, n + column] = 1.0
     return chosen
 
 
@@ -144,15 +145,16 @@ def _disturbing(n: int, width: int, now: int, then: int) -> Floats:
 _AT_PEAK = MAGIC_FORMULA_SHAPE * math.tan(math.pi / (2.0 * MAGIC_FORMULA_SHAPE))
 
 
-def _axle_slips(car: VehicleParameters, v: float, n: int, width: int) -> list[tuple[Floats, Floats, float]]:
-    """Slip of the front and the rear axle over z and over t, as the force of a linear tyre, N; that at its peak, N."""
+def _axle_slips(car: VehicleParameters, v: float, n: int) -> list[tuple[Floats, float]]:
+    """Slip of the front and the rear axle over z, as the force of a linear tyre, N; that at its peak, N.
+
+    The slip is that of the wheels: offsets are of the force that it gives.
+    """
     load = _AT_PEAK * car.mass * GRAVITY / car.wheelbase
     front, rear = np.zeros(n), np.zeros(n)
     front[[STEER, SIDESLIP, YAW_RATE]] = 1.0, -1.0, -car.cg_to_front_axle / v
     rear[[SIDESLIP, YAW_RATE]] = -1.0, car.cg_to_rear_axle / v
-    of_front, of_rear = np.zeros(width), np.zeros(width)
-    of_front[n], of_rear[n + 1] = car.front_cornering_stiffness, car.rear_cornering_stiffness
     return [
-        (car.front_cornering_stiffness * front, of_front, load * car.cg_to_rear_axle),
-        (car.rear_cornering_stiffness * rear, of_rear, load * car.cg_to_front_axle),
+        (car.front_cornering_stiffness * front, load * car.cg_to_rear_axle),
+        (car.rear_cornering_stiffness * rear, load * car.cg_to_front_axle),
     ]

@@ -39,17 +39,20 @@ def test_without_a_limit_its_first_command_is_that_of_the_riccati_equation(speed
     problem = Problem.of(car, speed, STEP, slip, COST, STEPS, Limits(math.inf))
     found = gains(StepModel.of(car, speed, STEP, slip), COST, STEP, STEPS)
     expected = -np.concatenate([found.state, found.offsets, found.curvature])
-    np.testing.assert_allclose(problem.free[0], expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
+    states, offsets, curvature = np.split(problem.free[0], [len(found.state), -STEPS])
+    shown = np.concatenate([states, offsets.reshape(STEPS, 2).sum(axis=0), curvature])
+    np.testing.assert_allclose(shown, expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
 
 
 def rolled_out(commands: np.ndarray, t: np.ndarray, speed: float) -> tuple[float, np.ndarray, np.ndarray]:
     """Cost of driving the model with ``commands`` and then as the optimum does, moves of the road wheel, slips."""
     car = car_with(0.0)
     model, found = StepModel.of(car, speed, STEP), gains(StepModel.of(car, speed, STEP), COST, STEP, STEPS)
-    x, offsets, curvature = t[:5].copy(), t[5:7], t[7:]
+    x, offset, curvature = t[:5].copy(), t[5:-STEPS].reshape(STEPS, 2), t[-STEPS:]
     cost, moves, slips = 0.0, [], []
     for k in range(STEPS - 1 + 4000):
         now, then = curvature[min(k, STEPS - 1)], curvature[min(k + 1, STEPS - 1)]
+        offsets = offset[min(k, STEPS - 1)]
         u = commands[k] if k < STEPS - 1 else -(found.state @ x + found.offsets @ offsets + found.constant[0] * now)
         before = x[STEER]
         cost += (x[LATERAL] / COST.lateral) ** 2
@@ -59,8 +62,8 @@ def rolled_out(commands: np.ndarray, t: np.ndarray, speed: float) -> tuple[float
             moves.append(x[STEER] - before)
             slips.append(
                 [
-                    x[0] + offsets[0] - x[1] - car.cg_to_front_axle * x[2] / speed,
-                    offsets[1] - x[1] + car.cg_to_rear_axle * x[2] / speed,
+                    x[0] - x[1] - car.cg_to_front_axle * x[2] / speed,
+                    -x[1] + car.cg_to_rear_axle * x[2] / speed,
                 ]
             )
     return cost, np.array(moves), np.array(slips)
@@ -69,8 +72,10 @@ def rolled_out(commands: np.ndarray, t: np.ndarray, speed: float) -> tuple[float
 def some_state(seed: int, scale: float = 1.0) -> np.ndarray:
     random = np.random.default_rng(seed)
     bend = np.cumsum(random.normal(size=STEPS)) * 1e-3
-    # A curvature that ends at none: a bend without end would cost without end.
-    return scale * np.concatenate([random.normal(size=5) * [0.01, 0.01, 0.05, 0.02, 0.5], [0.0, 0.0], bend - bend[-1]])
+    offsets = np.cumsum(random.normal(size=(STEPS, 2)), axis=0) * 1e-3
+    # Both end at none: a bend without end would cost without end.
+    road = np.concatenate([(offsets - offsets[-1]).ravel(), bend - bend[-1]])
+    return scale * np.concatenate([random.normal(size=5) * [0.01, 0.01, 0.05, 0.02, 0.5], road])
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -183,8 +188,9 @@ def test_where_no_limit_is_met_it_is_the_optimum() -> None:
         {"action": "steering_rate", "max_steering_rate": 0.05},
         {"max_steering_angle": 0.035},
         {"tyre": "magic_formula", "friction": 0.45},
+        {"tyre": "load_sensitive", "speed": {"lateral_acceleration": 6.5}},
     ],
-    ids=["rate", "rate as action", "angle", "friction"],
+    ids=["rate", "rate as action", "angle", "friction", "load transfer"],
 )
 def test_where_a_limit_is_met_it_costs_less_than_the_optimum_that_does_not_know_it(keywords: dict[str, Any]) -> None:
     found, stays = returns("mpc-preview", 48, **keywords)
