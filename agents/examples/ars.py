@@ -1,6 +1,6 @@
 """Random search for a correction of `werling-traffic`: search in four kinds of traffic, save, load, drive an episode.
 
-python agents/examples/ars.py --steps 16000000 --out ars-residual-traffic-seed0.json
+python agents/examples/ars.py --steps 24000000 --out ars-residual-traffic-seed0.json
 """
 
 import argparse
@@ -17,7 +17,7 @@ from lanekeep_agents.policy_record import Training
 from lanekeep_agents.training.random_search import Corrected, search
 
 parser = argparse.ArgumentParser(description="ARS on Traffic-v0")
-parser.add_argument("--steps", type=int, default=16_000_000)
+parser.add_argument("--steps", type=int, default=24_000_000)
 parser.add_argument("--out", default="ars.json")
 arguments, begun = parser.parse_args(), time.monotonic()
 reads = ["lateral_error", "heading_error", "yaw_rate", "speed", "steering_angle", "acceleration", "pedal", "set_speed"]
@@ -26,7 +26,7 @@ kinds = [{"flow": flow, "episode_steps": 1000} for flow in ("braking_lead", "cut
 worlds = [Corrected("lanekeep/Traffic-v0", "werling-traffic", reads, 0.3, 128, kind) for kind in kinds]
 width = np.array([[0.005], [0.1]])  # of the search, of steering and pedal
 weights, steps = search(worlds, width, 8, arguments.steps, np.random.default_rng(0))
-told, command = {"width": [0.005, 0.1], "pairs": 8, "worlds": kinds}, shlex.join(["python", *sys.argv])
+told, command = {"env": {}, "width": [0.005, 0.1], "pairs": 8, "worlds": kinds}, shlex.join(["python", *sys.argv])
 training = Training(command, told, 0, steps, round(time.monotonic() - begun, 1), versions(), {})
 worlds[0].save(arguments.out, weights, training, overwrite=True)
 env = gym.make("lanekeep/Traffic-v0")
