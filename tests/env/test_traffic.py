@@ -21,7 +21,7 @@ def test_the_table_holds_every_event_and_no_more():
                 assert (time, kind, numbers[: len(given)]) == (when, EVENTS[word][0], list(given))
 
 
-@pytest.mark.parametrize("count", [1, 256, 3000, 100_000])
+@pytest.mark.parametrize("count", [1, 256, 3000, 10_000])
 def test_the_largest_table_is_bounded(count):
     """A timeline has at most an event each 6 s, one at its start and one behind its end."""
     with pytest.raises(ValueError, match=rf"traffic.duration=1e\+18 .* s for {count} timelines") as error:
