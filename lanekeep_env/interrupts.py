@@ -23,9 +23,9 @@ class _Keeper:
         self.came = False
 
     def __call__(self, number: int, frame: Any) -> None:
-        if self.came:
+        again, self.came = self.came, not self.came
+        if again:
             self.usual(number, frame)
-        self.came = True
 
 
 def uninterrupted(function: F) -> F:

@@ -44,8 +44,29 @@ class Loop:
     filtering: Floats
     known: bool
 
+    def is_stable(self) -> bool:
+        """Tell whether car and filter, of which the design knows another lag, settle together."""
+        past, n = self.model.b.shape[1], len(self.filtering)
+        car, of_commands = len(self.model.a), n + 2 * self.known
+        states = len(self.feedback) - (past - 1)
+        # Over (x, u[k-1] ... u[k-past], what the filter knew): what it knows now, and the command.
+        knows = np.zeros((n, car + past + n))
+        knows[:, car + past :] = self.filtering[:, :n]
+        knows[:, car : car + past] = self.filtering[:, of_commands : of_commands + past]
+        knows[:, MEASURED] = self.filtering[:, of_commands + past :]
+        asks = -self.feedback[:states] @ knows[:states]
+        asks[car : car + past - 1] -= self.feedback[states:]
+        moves = np.zeros((car, car + past + n))
+        moves[:, :car], moves[:, car : car + past - 1] = self.model.a, self.model.b[:, 1:]
+        moves += np.outer(self.model.b[:, 0], asks)
+        shifted = np.eye(past - 1, car + past + n, car)
+        whole = np.vstack([moves, asks[None], shifted, knows])
+        return bool(np.abs(np.linalg.eigvals(whole)).max() < 1.0)
+
     def sensitivity(self) -> float:
-        """Return Ms, the largest |1 / (1 + L)| with the loop L broken at the car's input."""
+        """Return Ms, the largest |1 / (1 + L)| with the loop L broken at the car's input; inf where it is unstable."""
+        if not self.is_stable():
+            return math.inf
         z = np.exp(1j * math.pi * _GRID)
         commands, n = self.model.b.shape[1], len(self.filtering)
         a, b, _ = self.model.with_commands()

@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lanekeep_baselines.lq import LinearQuadraticGaussian, LqPreview, LqPreviewOffsetFree
-from lanekeep_baselines.lq_reserve import BOUND, SHARES, least_share, moved
+from lanekeep_baselines.lq import LEAST_NOISE, LinearQuadraticGaussian, LqPreview, LqPreviewOffsetFree
+from lanekeep_baselines.lq_design import Measuring
+from lanekeep_baselines.lq_model import StepModel
+from lanekeep_baselines.lq_reserve import BOUND, SHARES, Loop, least_share, moved
 from lanekeep_baselines.margins import margins
 from lanekeep_env.scenario import LaneKeepScenario
 
@@ -57,3 +59,18 @@ def test_no_more_is_taken_than_it_takes() -> None:
     assert moved(tuned, 0.0) == tuned
     way = [moved(tuned, share) for share in SHARES]
     assert all(np.diff([one.lag for one in way]) < 0.0)
+
+
+@pytest.mark.parametrize(("vehicle", "speeds"), [("yin", (5.0, 30.0)), ("pses", (10.0, 30.0, 50.0, 60.0))])
+@pytest.mark.parametrize("turned", [1.0, -1.0])
+def test_a_loop_that_is_not_stable_has_no_margin(vehicle: str, speeds: tuple[float, ...], turned: float) -> None:
+    """A sensitivity alone says nothing of it; `margins` tells stability from the policy that drives."""
+    car = {"base": vehicle, "steering": {"delay": 0.05}}
+    scenario = LaneKeepScenario(preview=20, vehicle=car)
+    policy = LqPreviewOffsetFree(scenario, LqPreviewOffsetFree.weights)
+    for speed in speeds:
+        parts, _, filtering = policy._designed(speed, policy.weights, Measuring(LEAST_NOISE, (0, 0, 0, 0)))
+        model = StepModel.of(scenario.vehicle, speed, scenario.control_step, slip=True)
+        loop = Loop(model, turned * np.concatenate(parts), filtering, known=not policy.estimated.curvature)
+        assert loop.is_stable() == np.isfinite(loop.sensitivity())
+        assert loop.is_stable() == (turned > 0.0 and margins(policy, scenario, speed).stable)

@@ -48,9 +48,11 @@ class Apart:
         there.close()
         try:
             self._files = [Path(file) for file in json.loads(self._answer())]
-        except ValueError as error:
+        except OwnCodeError:
             self.close()
-            raise error if isinstance(error, OwnCodeError) else self._ended() from error
+            raise
+        except (TypeError, ValueError) as error:
+            raise self._ended() from error
 
     def close(self) -> None:
         """End the process; whatever is asked next begins another."""
@@ -111,7 +113,7 @@ class Elsewhere:
         self._make()
 
     def _make(self) -> None:
-        self._number = int(self._apart.ask("make", self._scenario))
+        self._number = self._apart.ask("make", self._scenario)
         self._before = self._apart.ended
 
     def predict(
@@ -132,7 +134,7 @@ def _serve(connection: Connection, name: str) -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         os.dup2(nowhere, stream)
-    made: list[list[Any]] = []  # policies, each with its memory
+    made: dict[bytes, list[Any]] = {}  # policies, each with its memory
     question: tuple[Any, ...] = ("load",)
     factory: Any = None
     while True:
@@ -141,8 +143,9 @@ def _serve(connection: Connection, name: str) -> None:
                 factory = load_factory(name)
                 answer = _DONE + json.dumps([str(file.resolve()) for file in files_of(factory)]).encode()
             elif question[0] == "make":
-                made.append([Checked(name, factory, question[1]), None])
-                answer = _DONE + str(len(made) - 1).encode()
+                number = str(len(made)).encode()
+                made[number] = [Checked(name, factory, question[1]), None]
+                answer = _DONE + number
             else:
                 _, number, observation, first, episode_start = question
                 policy, state = made[number]
