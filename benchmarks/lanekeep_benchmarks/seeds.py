@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lanekeep_benchmarks.statistics import CONFIDENCE, RESAMPLES, Interval, wilson
+from lanekeep_benchmarks.statistics import CONFIDENCE, RESAMPLES, Interval, composed, wilson
 
 #: Runs, over all scenarios, below which the bootstrap over runs is too narrow.
 FEW_RUNS = 30
@@ -103,11 +103,8 @@ def seeds_mean(
     Raises:
         ValueError: the policies have not driven the same number of episodes, or none.
 
-    Source: F. E. Satterthwaite, An approximate distribution of estimates of variance components, Biometrics 2 (1946).
     Where only seeds differ it is Welch's interval, where only episodes differ Student's paired one.
     """
-    from scipy.stats import t
-
     policies = [ours] if theirs is None else [ours, theirs]
     episodes = ours.shape[1]
     if not episodes or any(values.shape[1] != episodes for values in policies):
@@ -126,12 +123,7 @@ def seeds_mean(
             # What a seed does to an episode is in the episodes' part already.
             both = np.sum(rest**2) / ((seeds - 1) * (episodes - 1)) / (seeds * episodes)
             parts.append((max(of_seed.var(ddof=1) / seeds - both, 0.0), seeds - 1))
-    variance = sum(part for part, _ in parts)
-    if not variance > 0.0:
-        return Interval(value, value, value)
-    freedom = variance**2 / sum(part**2 / free for part, free in parts)
-    half = float(t.ppf(0.5 + confidence / 2, freedom) * math.sqrt(variance))
-    return Interval(value, value - half, value + half)
+    return composed(value, parts, confidence)
 
 
 def seeds_rate(failed: NDArray[np.float64], confidence: float = CONFIDENCE) -> Interval:

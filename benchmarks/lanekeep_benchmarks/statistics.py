@@ -9,7 +9,7 @@ same episodes: a difference of two columns is then a paired difference, without 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 
@@ -227,12 +227,19 @@ def unpaired_means(ours: NDArray[np.float64], theirs: NDArray[np.float64], confi
     Source: B. L. Welch, The generalization of 'Student's' problem when several different population variances are
     involved, Biometrika 34 (1947).
     """
-    from scipy.stats import t
-
     value = float(ours.mean() - theirs.mean())
     if min(len(ours), len(theirs)) < 2:
         return Interval(value, math.nan, math.nan)
-    parts = [(values.var(ddof=1) / len(values), len(values) - 1) for values in (ours, theirs)]
+    return composed(value, [(one.var(ddof=1) / len(one), len(one) - 1) for one in (ours, theirs)], confidence)
+
+
+def composed(value: float, parts: Sequence[tuple[float, int]], confidence: float = CONFIDENCE) -> Interval:
+    """Interval of an estimate whose variance is the sum of ``parts``, each with its degrees of freedom.
+
+    Source: F. E. Satterthwaite, An approximate distribution of estimates of variance components, Biometrics 2 (1946).
+    """
+    from scipy.stats import t
+
     variance = sum(part for part, _ in parts)
     if not variance > 0.0:
         return Interval(value, value, value)

@@ -6,9 +6,7 @@ What is packed keeps its types: kernels are compiled for them, as for arguments 
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from itertools import count
 from typing import Any
 
@@ -44,20 +42,7 @@ class Packed:
         if numba.config.DISABLE_JIT:
             return kernel
         kinds = (PackedType(numba.typeof(self.parts)), *map(numba.typeof, others))
-        with _uncollected():
-            return kernel.compile(kinds)
-
-
-@contextmanager
-def _uncollected() -> Iterator[None]:
-    """Collect no garbage meanwhile: the compiler makes so many objects that it costs a tenth of its time."""
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
+        return kernel.compile(kinds)
 
 
 def _words(part: Any) -> Iterator[int]:

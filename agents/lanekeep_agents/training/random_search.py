@@ -51,14 +51,14 @@ def search(
     weights = np.zeros((first.scenario.num_actions, len(first.mean) + 1))
     many = rng.integers(LARGEST_SEED, size=(len(worlds), first.cars))
     best, most, driven = weights, float(_over_all(worlds, many, weights[None])[0]), 0
+    # Candidates, and as many cars again, all with what came of them.
+    each = 2 * sum(world.cars * world.scenario.episode_steps for world in worlds)
     while driven < steps:
         episodes = rng.integers(LARGEST_SEED, size=(len(worlds), first.cars // (2 * pairs)))
         returns = partial(_over_all, worlds, episodes)
         weights = ascend(weights, width, returns, pairs, RATE * (1.0 - driven / steps), rng)
-        driven += sum(world.cars * world.scenario.episode_steps for world in worlds)
-        # As many cars again, all with the same weights; those steps count as well.
+        driven += each
         found = float(_over_all(worlds, many, weights[None])[0])
-        driven += sum(world.cars * world.scenario.episode_steps for world in worlds)
         if found > most:
             best, most = weights, found
     return best, driven

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -128,12 +129,10 @@ def _read_lines(claims: Claims, folder: Path) -> None:
                 claims.lines[line.place] = line
     except ValueError as error:
         raise ValueError(f"{folder / EPISODES} {error}") from None
-    counts: dict[tuple[str, str], int] = {}
-    for scenario, policy, _ in claims.lines:
-        counts[scenario, policy] = counts.get((scenario, policy), 0) + 1
+    counts = Counter((scenario, policy) for scenario, policy, _ in claims.lines)
     wanted = {(scenario, policy) for scenario, those in claims.plan.drivers.items() for policy in those}
     for scenario, policy in sorted(wanted | counts.keys()):
-        missing = claims.record.episodes - counts.get((scenario, policy), 0)
+        missing = claims.record.episodes - counts[scenario, policy]
         if missing:
             claims.faults.append(
                 f"{EPISODES}: {missing} of {claims.record.episodes} episodes of {policy} on {scenario} are missing"
@@ -152,21 +151,21 @@ def _wrong_tables(claims: Claims, folder: Path) -> Iterator[str]:
         return
     results = list(claims.lines.values())
     wanted = json.loads(json.dumps(with_bounds(summarise(suite, results, claims.record.policies), results, folder)))
-    place = next(_apart(found, wanted), None)
+    place = next(_differences(found, wanted), None)
     if place is not None:
         yield f"{SUMMARY} is not what the lines give: {place}"
     elif table != markdown(found) + failures(results):
         yield f"{TABLE} does not show what {SUMMARY} says"
 
 
-def _apart(found: Any, wanted: Any, where: str = "") -> Iterator[str]:
+def _differences(found: Any, wanted: Any, where: str = "") -> Iterator[str]:
     """Where plain data differ."""
     if isinstance(wanted, Mapping) and isinstance(found, Mapping) and found.keys() == wanted.keys():
         for key in wanted:
-            yield from _apart(found[key], wanted[key], f"{where}.{key}" if where else key)
+            yield from _differences(found[key], wanted[key], f"{where}.{key}" if where else key)
     elif isinstance(wanted, list) and isinstance(found, list) and len(found) == len(wanted):
         for number, pair in enumerate(zip(found, wanted, strict=True)):
-            yield from _apart(*pair, f"{where}.{number}")
+            yield from _differences(*pair, f"{where}.{number}")
     elif not agree(found, wanted):
         yield f"{where} is {shown(found)} there, {shown(wanted)} here"
 
