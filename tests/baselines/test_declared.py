@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import subprocess
 import sys
 from fnmatch import fnmatchcase
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+from registry_options import OPTIONS
 
 import lanekeep_baselines
 import lanekeep_env
@@ -47,18 +46,9 @@ FURTHER: dict[str, list[Any]] = {
 }
 
 
-def load(file: str) -> ModuleType:
-    """Import a test file by its path, as importlib mode lets no test import another."""
-    spec = importlib.util.spec_from_file_location("options", ROOT / file)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def drawn(env_id: str, number: int) -> Any:
     """A scenario of ``env_id`` with options of the registry's tests, one in three of them; 0 is the default."""
-    options = load("tests/env/test_registry.py").OPTIONS[env_id]
+    options = OPTIONS[env_id]
     scenario = lanekeep_env.ENVIRONMENTS[env_id].scenario
     rng = np.random.default_rng([IDS.index(env_id), number])
     while number:

@@ -2,12 +2,13 @@
 
 import json
 from dataclasses import fields, is_dataclass
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from registry_options import OPTIONS
+from registry_options import alone as each_alone
 from with_effect import scenario_class
 
 import lanekeep_env
@@ -15,10 +16,6 @@ from lanekeep_env.roads import LimitedSpeed
 from lanekeep_env.scenario.applying import sets_table
 from lanekeep_env.scenario.base import ScenarioRecord
 from lanekeep_env.scenario.guidance import PlanErrors
-
-_SPEC = spec_from_file_location("registry_options", Path(__file__).with_name("test_registry.py"))
-registry = module_from_spec(_SPEC)
-_SPEC.loader.exec_module(registry)
 
 IDS = sorted(lanekeep_env.ENVIRONMENTS)
 CONSTANT = {"minimum": 2.0, "maximum": 2.0, "standstill": 0.0, "lateral_acceleration": None}
@@ -98,7 +95,7 @@ def another(scenario, path):
         return not value
     if path.startswith("randomisation."):
         return 0.8 * value[0]
-    options = registry.OPTIONS[next(env_id for env_id in IDS if scenario_class(env_id) is type(scenario))]
+    options = OPTIONS[next(env_id for env_id in IDS if scenario_class(env_id) is type(scenario))]
     choices = {
         "tyre": ["linear", "magic_formula"],
         "speed": [0.5],
@@ -185,7 +182,7 @@ def test_what_is_refused_changes_nothing(env_id, alone):
 def test_what_is_taken_changes_something(env_id):
     """Some value of each option does; only who is done sees how many laps are asked for, and what it takes to park."""
     plain, changes = {}, {}
-    for chosen in registry.alone({name: v for name, v in registry.OPTIONS[env_id].items() if name != "dtype"}):
+    for chosen in each_alone({name: v for name, v in OPTIONS[env_id].items() if name != "dtype"}):
         *beside, name = chosen
         keywords = {other: chosen[other] for other in beside}
         key = json.dumps(keywords)

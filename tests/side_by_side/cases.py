@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from importlib.util import module_from_spec, spec_from_file_location
+from importlib import import_module
 from typing import Any
 
 from side_by_side.checkouts import HERE
@@ -36,13 +36,9 @@ QUICK = ("action", "sensors", "randomisation", "observation")
 
 
 def options_module() -> Any:
-    """The registry's own test, which holds every option of every id with values beside its default."""
-    sys.path[:0] = [str(HERE), str(HERE / "tests" / "fuzz")]
-    spec = spec_from_file_location("test_registry", HERE / "tests" / "env" / "test_registry.py")
-    assert spec is not None and spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    """The tables of every option of every id, with values beside its default, that the tests have."""
+    sys.path[:0] = [str(HERE), str(HERE / "tests" / "env")]
+    return import_module("registry_options")
 
 
 def _alone(module: Any, options: dict[str, list[Any]], quick: bool) -> Iterator[dict[str, Any]]:
