@@ -12,20 +12,18 @@ import lanekeep_env  # noqa: F401
 
 pytestmark = pytest.mark.long
 IDS = ("lanekeep/WallFollow-v0", "lanekeep/Circuit-v0")
-
-
-#: What a car may have; each combination is compiled by itself.
-EQUIPMENT = ("gear", "servo", "scan", "float32", "tyres", "sensors")
+#: What a car may have; each combination is compiled by itself. With a speed of its own it drives a circuit.
+EQUIPMENT = ("own speed", "gear", "servo", "scan", "float32", "tyres", "sensors")
 #: Of each two of them there is a car with both, with neither, and with either one.
-FEW = ((), EQUIPMENT, ("gear", "servo", "scan"), ("gear", "float32", "tyres"))
+FEW = (("own speed",), EQUIPMENT, ("own speed", "gear", "servo", "scan"), ("gear", "float32", "tyres"))
 FEW += (("servo", "float32", "sensors"), ("scan", "tyres", "sensors"))
-EVERY = tuple(itertools.chain.from_iterable(itertools.combinations(EQUIPMENT, count) for count in range(7)))
+EVERY = tuple(itertools.chain.from_iterable(itertools.combinations(EQUIPMENT, count) for count in range(8)))
 
 
-def random_keywords(rng, circuit, combinations=FEW):
-    """A point of the whole parameter space, with one of some combinations of equipment."""
+def random_keywords(rng, combinations=FEW):
+    """An id and a point of its whole parameter space, with one of some combinations of equipment."""
     has = combinations[rng.integers(len(combinations))]
-    geared = "gear" in has
+    geared, circuit = "gear" in has, "own speed" in has
 
     def pick(*values):
         return values[rng.integers(len(values))]
@@ -97,7 +95,7 @@ def random_keywords(rng, circuit, combinations=FEW):
     fastest = 5.0 if isinstance(fastest, dict) else max(fastest, 0.1)
     sharpest = math.atan(0.9 * math.pi * 0.25 / (fastest * keywords["control_step"])) - 0.1
     keywords["max_steering_angle"] = max(0.02, min(keywords["max_steering_angle"], sharpest))
-    return keywords
+    return IDS[circuit], with_effect(IDS[circuit], keywords)
 
 
 @pytest.mark.parametrize(
@@ -106,12 +104,12 @@ def random_keywords(rng, circuit, combinations=FEW):
 def test_random_episodes_over_the_whole_parameter_range(wanted, combinations):
     rng = np.random.default_rng(2017)
     cars, steps, episodes, contacts = 16, 60, 0, 0
-    for k in range(10_000):
+    for _ in range(10_000):
         if episodes >= wanted:
             break
-        keywords = with_effect(IDS[k % 2], random_keywords(rng, k % 2, combinations))
+        name, keywords = random_keywords(rng, combinations)
         keywords["episode_steps"] = min(keywords["episode_steps"], 50)
-        env = gym.make_vec(IDS[k % 2], cars, "vector_entry_point", **keywords)
+        env = gym.make_vec(name, cars, "vector_entry_point", **keywords)
         low, high = env.observation_space.low, env.observation_space.high
         observation, infos = env.reset(seed=int(rng.integers(2**31)))
         episodes += cars
@@ -133,10 +131,9 @@ def test_random_episodes_over_the_whole_parameter_range(wanted, combinations):
 def test_single_environments_run_random_episodes_too():
     rng = np.random.default_rng(7)
     for k in range(30):
-        keywords = random_keywords(rng, k % 2)
+        name, keywords = random_keywords(rng)
         del keywords["autoreset_mode"]
-        keywords = with_effect(IDS[k % 2], keywords)
-        env = gym.make(IDS[k % 2], **keywords)
+        env = gym.make(name, **keywords)
         env.reset(seed=k)
         env.action_space.seed(k)
         for _ in range(40):
