@@ -1,5 +1,7 @@
 """Every option of every environment, with values beside its default: what tests over the registry try."""
 
+import pytest
+
 import lanekeep_env
 from lanekeep_env.scenario import (
     CameraLaneScenario,
@@ -236,6 +238,24 @@ BESIDE = {
     "effort": {"vehicle": {"steering": {"lag": 0.1, "backlash": 0.02}}},
     "preview_interval": {"preview": 4},
 }
+#: One id a family of worlds, of which all is compiled that options decide.
+FAMILIES = ("lanekeep/LaneKeep-v0", "lanekeep/Circuit-v0")
+#: Options whose values decide what is compiled: each combination may be a kernel of its own.
+DISTURBING = ("bank", "crosswind", "gusts", "patches", "changes")
+COMPILED = ("vehicle", "effort", "dynamics", "tyre", "servo", "scan", "sensors", "dtype", *DISTURBING)
+#: Those of all ids take a minute an id.
+COMPILED_OR_NOT = pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+
+
+def decides_what_is_compiled(key):
+    """Whether an option does, or what it takes beside it to have an effect."""
+    return not {key, *BESIDE.get(key, {})}.isdisjoint(COMPILED)
+
+
+def options_of(name, compiled):
+    """The options of an id; without ``compiled`` those that decide what is compiled only of one id a family."""
+    every = compiled or name in FAMILIES
+    return {key: values for key, values in OPTIONS[name].items() if every or not decides_what_is_compiled(key)}
 
 
 def alone(options, known=None):

@@ -7,7 +7,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
-from registry_options import OPTIONS
+from registry_options import COMPILED_OR_NOT, OPTIONS, options_of
 from registry_options import alone as each_alone
 from with_effect import scenario_class
 
@@ -178,11 +178,13 @@ def test_what_is_refused_changes_nothing(env_id, alone):
     assert tried
 
 
+@COMPILED_OR_NOT
 @pytest.mark.parametrize("env_id", IDS)
-def test_what_is_taken_changes_something(env_id):
+def test_what_is_taken_changes_something(env_id, compiled):
     """Some value of each option does; only who is done sees how many laps are asked for, and what it takes to park."""
     plain, changes = {}, {}
-    for chosen in each_alone({name: v for name, v in OPTIONS[env_id].items() if name != "dtype"}):
+    options = {name: values for name, values in options_of(env_id, compiled).items() if name != "dtype"}
+    for chosen in each_alone(options, OPTIONS[env_id]):
         *beside, name = chosen
         keywords = {other: chosen[other] for other in beside}
         key = json.dumps(keywords)

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
-from registry_options import BESIDE, OPTIONS, alone
+from registry_options import COMPILED_OR_NOT, FAMILIES, OPTIONS, alone, decides_what_is_compiled, options_of
 from with_effect import with_effect
 
 import lanekeep_env
@@ -133,27 +133,13 @@ def test_channels_name_the_observation(name):
     np.testing.assert_array_equal(space.low, np.float32([c.low for c in channels]))
 
 
-#: One id a family of worlds, where each id would be a kernel for threads to compile.
-FAMILIES = ("lanekeep/LaneKeep-v0", "lanekeep/Circuit-v0")
-#: Options whose values decide what is compiled: each combination may be a kernel of its own.
-DISTURBING = ("bank", "crosswind", "gusts", "patches", "changes")
-COMPILED = ("vehicle", "effort", "dynamics", "tyre", "servo", "scan", "sensors", "dtype", *DISTURBING)
-#: Those take a minute an id to compile.
-PAIRED = pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
-
-
-def decides_what_is_compiled(key):
-    """Whether an option does, or what it takes beside it to have an effect."""
-    return not {key, *BESIDE.get(key, {})}.isdisjoint(COMPILED)
-
-
 def each_option_and_pairs(name, compiled=True):
     """Each value alone, then few keyword sets among which every pair of values occurs, defaults included.
 
     Without ``compiled`` no pairs of what decides what is compiled, and that alone of one id a family.
     """
     options = {key: values for key, values in OPTIONS[name].items() if compiled or not decides_what_is_compiled(key)}
-    yield from alone(OPTIONS[name] if name in FAMILIES else options, OPTIONS[name])
+    yield from alone(options_of(name, compiled), OPTIONS[name])
     places = {
         key: range(len(values) + 1) for key, values in options.items()
     }  # the last one is the default, which wins ties: fewer kernels
@@ -180,7 +166,7 @@ def test_every_pair_of_values_is_tried():
                 assert any(row.get(a) == first and row.get(b) == second for row in tried), (a, first, b, second)
 
 
-@PAIRED
+@COMPILED_OR_NOT
 @pytest.mark.parametrize("name", IDS)
 def test_check_env_passes_for_each_option_alone_and_in_pairs(name, compiled):
     for chosen in each_option_and_pairs(name, compiled):
@@ -190,7 +176,7 @@ def test_check_env_passes_for_each_option_alone_and_in_pairs(name, compiled):
             raise AssertionError(f"{name} with {chosen}: {error}") from error
 
 
-@PAIRED
+@COMPILED_OR_NOT
 @pytest.mark.parametrize("name", IDS)
 def test_stable_baselines_check_passes_for_each_option_alone_and_in_pairs(name, compiled):
     check = pytest.importorskip("stable_baselines3.common.env_checker").check_env
@@ -200,7 +186,7 @@ def test_stable_baselines_check_passes_for_each_option_alone_and_in_pairs(name, 
             check(gym.make(name, **with_effect(name, chosen)).unwrapped)
 
 
-@PAIRED
+@COMPILED_OR_NOT
 @pytest.mark.parametrize("name", IDS)
 def test_specs_and_scenarios_round_trip_through_json(name, compiled):
     for chosen in alone(OPTIONS[name]):
@@ -208,7 +194,7 @@ def test_specs_and_scenarios_round_trip_through_json(name, compiled):
         spec = EnvSpec.from_json(env.spec.to_json())
         twin = gym.make(spec)
         assert twin.unwrapped.scenario == env.unwrapped.scenario
-        if compiled or name in FAMILIES or not any(map(decides_what_is_compiled, chosen)):
+        if options_of(name, compiled).keys() >= chosen.keys():
             np.testing.assert_array_equal(twin.reset(seed=1)[0], env.reset(seed=1)[0])
         scenario = env.unwrapped.scenario
         back = type(scenario).from_keywords(**json.loads(json.dumps(scenario.to_dict())))
