@@ -5,6 +5,7 @@ table of models.
 """
 
 import dataclasses
+import functools
 
 import numba
 import numpy as np
@@ -71,21 +72,28 @@ def drawn(seed):
     }
 
 
-def compiled(model, gear, floor):
-    """Return a function of rows and a number of sub-steps: the compiled loop."""
+@functools.cache
+def loop_of(model):
+    """The compiled loop of a model, for each kind of equipment once."""
     advance = model.advance
-    gear = None if gear is None else np.array(gear)
 
     @numba.njit
     def loop(cars, gear, floor, steps):
         for _ in range(steps):
             advance(cars, at.COMMAND, SETTINGS, gear, floor)
 
+    return loop
+
+
+def compiled(model, gear, floor):
+    """Return a function of rows and a number of sub-steps: the compiled loop."""
+    gear = None if gear is None else np.array(gear)
+
     def run(cars, steps):
         block = np.full((at.CAR_ROWS, N), np.nan)
         for row, values in cars.items():
             block[row] = values
-        loop(block, gear, floor, steps)
+        loop_of(model)(block, gear, floor, steps)
         return block[list(CHANGING)]
 
     return run

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from lanekeep_benchmarks.check import Report, check_map, check_road, check_vehicle, draw_map, draw_road
-from lanekeep_benchmarks.check.bends import bends_of, draw_bends
+from lanekeep_benchmarks.check.bends import bends_of
 from lanekeep_benchmarks.check.report import shown_number
 from lanekeep_benchmarks.console import console
 from lanekeep_benchmarks.endings import check_picture, input_errors, interruptible
@@ -106,6 +106,8 @@ def vehicle_check(
         bends = None if out is None and speed is None else bends_of(car, speed, friction)
         report = check_vehicle(car, bends)
         if out is not None and bends is not None:
+            from lanekeep_benchmarks.check.bends_plot import draw_bends  # Matplotlib: half of every command's start
+
             write_atomic(out, draw_bends(bends))
     _print(report, out, as_json)
 
