@@ -7,17 +7,20 @@ import pytest
 from PIL import Image
 
 from lanekeep_benchmarks import cli
-from lanekeep_benchmarks.replications import BESIDE, WORKS
+from lanekeep_benchmarks.replications import BESIDE, WORKS, knightriders_parking, yin
 from lanekeep_benchmarks.replications.differences import DIFFERENCES
 
 pytestmark = pytest.mark.long
 
 
-@pytest.fixture(scope="module")
-def everything(tmp_path_factory):
-    """Folder of all replications, driven once."""
+@pytest.fixture(scope="module", params=["a few gaps", pytest.param("every gap", marks=pytest.mark.slow)])
+def everything(tmp_path_factory, request):
+    """Folder of all replications, driven once; a row is parked in for minutes, over ``a few gaps`` for a third."""
     folder = tmp_path_factory.mktemp("replications") / "all"
-    assert cli.run(["replicate", "all", "--out", str(folder)]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        if request.param == "a few gaps":
+            patch.setattr(knightriders_parking, "GAPS", knightriders_parking.GAPS[::4])
+        assert cli.run(["replicate", "all", "--out", str(folder)]) == 0
     return folder
 
 
@@ -37,11 +40,13 @@ def replicated(everything, beside):
     return works.__getitem__
 
 
-@pytest.fixture(scope="module")
-def alone(tmp_path_factory):
-    """Folder of one work's replication."""
+@pytest.fixture(scope="module", params=[4, pytest.param(len(yin.STEPS), marks=pytest.mark.slow)])
+def alone(tmp_path_factory, request):
+    """Folder of the first steps of one work's replication."""
     folder = tmp_path_factory.mktemp("replication") / "yin"
-    assert cli.run(["replicate", "yin", "--out", str(folder)]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(yin, "STEPS", yin.STEPS[: request.param])
+        assert cli.run(["replicate", "yin", "--out", str(folder)]) == 0
     return folder
 
 
@@ -169,10 +174,14 @@ def test_the_page_of_all_has_every_row_table_and_picture(everything, work):
 
 def test_a_work_alone_is_a_page_beside_its_pictures(everything, alone):
     assert {file.name for file in everything.iterdir()} == {*WORKS, "replication.json", "replication.md"}
-    assert {file.name for file in alone.iterdir()} == PICTURES["yin"] | {"replication.json", "replication.md"}
-    assert read(alone) == read(everything)["works"]["yin"]
+    found, among = read(alone), read(everything)["works"]["yin"]
+    pictures = set(found["pictures"])
+    assert {file.name for file in alone.iterdir()} == pictures | {"replication.json", "replication.md"}
+    assert pictures and pictures <= PICTURES["yin"] and found["title"] == among["title"]
+    for part in ("rows", "tables"):
+        assert found[part] and found[part] == among[part][: len(found[part])]
     text = (alone / "replication.md").read_text()
-    assert text.startswith("# Yin 2010") and "![set_path.png](set_path.png)" in text
+    assert text.startswith("# Yin 2010") and all(f"![{name}]({name})" in text for name in pictures)
 
 
 def test_an_earlier_replication_stays(alone, capsys):

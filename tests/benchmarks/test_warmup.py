@@ -9,11 +9,15 @@ import pytest
 
 from lanekeep_benchmarks import cli
 
-STEP = """
-import sys
-import gymnasium as gym, lanekeep_env
-env = gym.make("lanekeep/LaneKeep-v0", dtype="float32", dynamics="kinematic")
-env.reset(seed=0)
+TWO_KERNELS = """
+from lanekeep_env.compile import kernel
+@kernel()
+def one(x):
+    return x + 1
+@kernel()
+def other(x):
+    return x - 1
+one(1), other(1)
 """
 
 
@@ -43,7 +47,7 @@ def test_a_person_is_told_once_and_a_file_is_not(tmp_path):
     heard = []
     for _ in range(2):
         ours, theirs = pty.openpty()
-        done = subprocess.run([sys.executable, "-c", STEP], env=environment, stderr=theirs, capture_output=False)
+        done = subprocess.run([sys.executable, "-c", TWO_KERNELS], env=environment, stderr=theirs, capture_output=False)
         os.close(theirs)
         try:
             text = os.read(ours, 65536).decode()
@@ -54,5 +58,5 @@ def test_a_person_is_told_once_and_a_file_is_not(tmp_path):
         heard.append(text)
     assert heard[0].count("lanekeep: compiling") == 1 and "warmup" in heard[0] and heard[1] == ""
     environment["LANEKEEP_CACHE_DIR"] = str(tmp_path / "another")
-    done = subprocess.run([sys.executable, "-c", STEP], env=environment, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", TWO_KERNELS], env=environment, capture_output=True, text=True)
     assert done.stderr == ""

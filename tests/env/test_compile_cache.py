@@ -333,33 +333,68 @@ def test_kernels_cached_by_different_processes_stay_apart(tmp_path):
     assert len(set(together[::2])) == 3
 
 
-SHARED = """
+#: Kernels of two cars, which call what is written once, and a number that one of them gives.
+TWO_CARS = """
+import sys
+from numba.core import event
+from lanekeep_env.compile import helper, kernel
+
+@helper
+def on_a_road(x):
+    return 3.0 * x
+@helper
+def steps(x):
+    return on_a_road(x) + 1.0
+@kernel()
+def linear(x):
+    return steps(x) - x
+@kernel()
+def magic_formula(x):
+    return steps(x) * x
+def tell(car):
+    print({"linear": linear, "magic_formula": magic_formula}[car](0.7).hex())
+"""
+#: The same of the environment's.
+CARS_ON_ROADS = """
 import hashlib, sys
 import gymnasium as gym, numpy as np
 from numba.core import event
 import lanekeep_env
 
+def tell(car):
+    told = hashlib.sha256()
+    env = gym.make_vec("lanekeep/LaneKeep-v0", 8, "vector_entry_point", tyre=car)
+    env.reset(seed=0)
+    for action in np.random.default_rng(0).uniform(-1, 1, (20, 8, 1)).astype(np.float32):
+        told.update(env.step(action)[0].tobytes())
+    print(told.hexdigest())
+"""
+COMPILED = """
 class Compiled(event.Listener):
     def on_start(self, started): pass
     def on_end(self, ended): names.append(ended.data["dispatcher"].py_func.__name__)
 
-names, told = [], hashlib.sha256()
+names = []
 with event.install_listener("numba:compile", Compiled()):
-    env = gym.make_vec("lanekeep/LaneKeep-v0", 8, "vector_entry_point", tyre=sys.argv[1])
-    env.reset(seed=0)
-    for action in np.random.default_rng(0).uniform(-1, 1, (20, 8, 1)).astype(np.float32):
-        told.update(env.step(action)[0].tobytes())
-print(told.hexdigest(), *names)
+    tell(sys.argv[1])
+print(*names)
 """
 
 
-def test_kernels_share_what_they_call(tmp_path):
+@pytest.mark.parametrize(
+    ("cars", "shared"),
+    [
+        (TWO_CARS, {"on_a_road", "steps"}),
+        pytest.param(CARS_ON_ROADS, {"cross_segments", "look_ahead", "load_segment"}, marks=pytest.mark.slow),
+    ],
+    ids=["two kernels", "two cars"],
+)
+def test_kernels_share_what_they_call(tmp_path, cars, shared):
     """The second car's kernel compiles nothing of the road anew, and drives as if it had."""
-    both, cold = tmp_path / "both", tmp_path / "cold"
-    _, *first = python(SHARED, "linear", cwd=tmp_path, LANEKEEP_CACHE_DIR=both)
-    warm, *second = python(SHARED, "magic_formula", cwd=tmp_path, LANEKEEP_CACHE_DIR=both)
-    alone, *whole = python(SHARED, "magic_formula", cwd=tmp_path, LANEKEEP_CACHE_DIR=cold)
-    road = {"cross_segments", "look_ahead", "load_segment"}
-    assert road <= set(first) and road <= set(whole)
-    assert not road & set(second) and len(second) < len(whole) / 2
+    both, cold, code = tmp_path / "both", tmp_path / "cold", cars + COMPILED
+    _, *first = python(code, "linear", cwd=tmp_path, LANEKEEP_CACHE_DIR=both)
+    warm, *second = python(code, "magic_formula", cwd=tmp_path, LANEKEEP_CACHE_DIR=both)
+    alone, *whole = python(code, "magic_formula", cwd=tmp_path, LANEKEEP_CACHE_DIR=cold)
+    assert shared <= set(first) and shared <= set(whole)
+    assert not shared & set(second) and len(second) < len(whole) / 2
     assert warm == alone
