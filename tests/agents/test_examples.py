@@ -15,13 +15,25 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnvWrapper, VecNormalize
 
 import lanekeep_agents
+from lanekeep_agents.training import random_search
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "agents" / "examples").glob("*.py"))
 
 
+class Briefly(random_search.Corrected):
+    """Whole episodes are what the search learns from: shorter ones, whatever is asked for."""
+
+    def __init__(self, *given):
+        *others, keywords = given
+        super().__init__(*others, {**keywords, "episode_steps": 100})
+
+
+@pytest.mark.parametrize("brief", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["brief", "as it is"])
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda file: file.stem)
-def test_an_example_trains_saves_and_drives(example, tmp_path, monkeypatch, capsys):
+def test_an_example_trains_saves_and_drives(example, brief, tmp_path, monkeypatch, capsys):
     torch.set_num_threads(1)
+    if brief:
+        monkeypatch.setattr(random_search, "Corrected", Briefly)
     entry_point = example.stem == "td3"
     out = tmp_path / ("run" if entry_point else "policy.json")
     monkeypatch.setattr("sys.argv", [str(example), "--steps", "2000", "--out", str(out)])

@@ -91,10 +91,13 @@ def test_what_policies_are_told_is_part_of_the_scenario():
     assert scenario.hash("0") != replace(scenario, told={}).hash("0")
 
 
+@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["two", "every"])
 @pytest.mark.parametrize("suite", [name for name, suite in SUITES.items() if not suite.per_environment])
-def test_the_policies_of_every_suite_can_drive_it_and_its_reference_is_first(suite):
-    """`make_plan` refuses policies that cannot; classical ones are in the registry's order."""
-    plan = make_plan(suite, None, None, 1, 0)
+def test_the_policies_of_every_suite_can_drive_it_and_its_reference_is_first(suite, every):
+    """`make_plan` refuses policies that cannot; classical ones are in the registry's order. All are designed."""
+    scenarios = SUITES[suite].scenarios
+    scenarios = scenarios if every else scenarios[:1] + scenarios[1:][-1:]
+    plan = make_plan(replace(SUITES[suite], scenarios=scenarios), None, None, 1, 0)
     reference = SUITES[suite].reference
     assert plan.policies[0] == reference or not reference
     assert len(set(plan.policies)) == len(plan.policies)
