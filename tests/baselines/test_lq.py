@@ -73,8 +73,17 @@ def least_cost(scenario: LaneKeepScenario, speed: float, road: np.ndarray, start
     return float(np.sum((free.ravel() + response @ best) ** 2))
 
 
-@pytest.mark.parametrize("speed", [10.0, 20.0, 45.0])
-@pytest.mark.parametrize("delay", [0.0, 0.05, 0.12])
+def paired(names: str, some: list[Any], others: list[Any]) -> pytest.MarkDecorator:
+    """Each of some with one of the others; every pair in the slow tests."""
+    pairs = [
+        pytest.param(one, other, marks=() if row == column else pytest.mark.slow)
+        for row, one in enumerate(some)
+        for column, other in enumerate(others)
+    ]
+    return pytest.mark.parametrize(names, pairs)
+
+
+@paired("speed, delay", [10.0, 20.0, 45.0], [0.05, 0.12, 0.0])
 def test_no_drive_costs_less_than_lq_preview(speed: float, delay: float) -> None:
     """From beside the lane into a curve: what the policy costs is what the best of all commands cost."""
     scenario = with_delay(delay)
@@ -115,9 +124,10 @@ def test_any_other_gain_costs_more(channel: str, factor: float) -> None:
     assert costs[1] > costs[0] * (1.0 + 1e-7)
 
 
-@pytest.mark.parametrize("speed", [10.0, 20.0, 35.0])
-@pytest.mark.parametrize(
-    "wrong", [{"mass": 1.2}, {"front_cornering_stiffness": 0.8}, {"rear_cornering_stiffness": 0.7}]
+@paired(
+    "speed, wrong",
+    [10.0, 20.0, 35.0],
+    [{"mass": 1.2}, {"front_cornering_stiffness": 0.8}, {"rear_cornering_stiffness": 0.7}],
 )
 def test_offset_free_means_no_stationary_error_on_another_car(bench, speed: float, wrong: dict[str, float]) -> None:
     scenario = LaneKeepScenario(preview=20)

@@ -114,6 +114,7 @@ def test_bench_writes_lines_summary_tables_and_plots(finished):
     assert str(folder) in output
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_bench_repeats_itself(finished, tmp_path):
     folder, _ = finished
     assert main([*BENCH, "--out", str(tmp_path / "again")]) == 0
@@ -121,6 +122,7 @@ def test_bench_repeats_itself(finished, tmp_path):
         assert (tmp_path / "again" / name).read_bytes() == (folder / name).read_bytes()
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_bench_refuses_to_overwrite_and_does_so_when_told(finished, capsys):
     folder, _ = finished
     assert main([*BENCH, "--out", str(folder)]) == 2
@@ -155,6 +157,7 @@ TRACKS = Path(__file__).parents[3] / "shared" / "data" / "tracks"
 
 
 @pytest.mark.skipif(not TRACKS.is_dir(), reason="the tracks are not shipped with the project")
+@pytest.mark.usefixtures("unpainted")
 @pytest.mark.parametrize("track", ["Hockenheim", "Spielberg"])
 def test_real_tracks(track, tmp_path, capsys):
     """A whole lap of hairpins: the feedforward stays in its lane, and no policy is short of steering angle."""
@@ -210,6 +213,7 @@ def test_a_bad_road_file_is_named(content, words, capsys, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_a_road_of_ones_own_has_the_widths_of_its_file_and_its_smoothing(oval, tmp_path, capsys, monkeypatch):
     """The lane is twice the narrowest side; the smoothing is part of the scenario, and a resumed run keeps it."""
     monkeypatch.chdir(tmp_path)
@@ -299,6 +303,7 @@ def test_missing_typer_names_the_extra(tmp_path):
     assert done.stderr == 'lanekeep: typer is not installed; pip install "lanekeep[bench]"\n'
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_all_baselines_that_can_drive_are_the_default(oval, tmp_path, capsys):
     assert main(["bench", "--road", str(oval), "--episodes", "1", "--json", "--out", str(tmp_path / "out")]) == 0
     policies = json.loads(capsys.readouterr().out)["scenarios"][0]["policies"]

@@ -17,6 +17,7 @@ from lanekeep_benchmarks.policies import entry_of
 from lanekeep_benchmarks.suites import SUITES, Suite, SuiteScenario
 from lanekeep_env import DriveScenario, LaneKeepScenario
 
+pytestmark = pytest.mark.usefixtures("unpainted")
 SUITE = Suite(
     "short",
     "two short roads",
