@@ -29,16 +29,17 @@ def run(name: str, folder: Path) -> Path:
     """Run a notebook in a folder of its own; return the file with its output."""
     import jupytext
     import nbformat
-    from jupyter_client import AsyncKernelManager
     from nbclient import NotebookClient
+    from traitlets.config import Config
 
     files = folder / "files" / name
     files.mkdir(parents=True, exist_ok=True)
     notebook = jupytext.read(SOURCES[name])
     where = {"metadata": {"path": str(files)}}
     with tempfile.TemporaryDirectory() as sockets:  # files, out of others' reach
-        kernel = AsyncKernelManager(kernel_name="python3", transport="ipc", ip=f"{sockets}/kernel")
-        NotebookClient(notebook, kernel, timeout=_LONGEST, resources=where).execute(env=os.environ | _INLINE)
+        local = Config(KernelManager={"transport": "ipc", "ip": f"{sockets}/kernel"})
+        client = NotebookClient(notebook, timeout=_LONGEST, kernel_name="python3", resources=where, config=local)
+        client.execute(env=os.environ | _INLINE)
     write_atomic(folder / f"{name}.ipynb", nbformat.writes(notebook))
     return folder / f"{name}.ipynb"
 

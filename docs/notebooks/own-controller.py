@@ -86,8 +86,8 @@ draw(worst(results, steps, "feedback"))
 plt.show()
 
 # %% [markdown]
-# The error has the sign and the shape of the curvature: the controller steers only where it is wrong already, so that
-# it must be wrong in every bend. No gain mends that; what is missing is the angle that the bend itself takes.
+# The error follows the curvature, to the outside of the bend: the controller steers only where it is wrong already, so
+# that it must be wrong in every bend. No gain mends that; what is missing is the angle that the bend itself takes.
 #
 # ## Mended
 #
