@@ -1,9 +1,9 @@
 # The same steps by hand and in .ci/run. Use an active virtual environment, or name one: make test PYTHON=.venv/bin/python
 PYTHON ?= python
 
-.PHONY: help install format lint types test slow smoke compat clients lowest bench speed tables docs same metrics fuzz own ci
+.PHONY: help install format lint types test slow smoke compat clients lowest bench speed tables notebooks docs same metrics fuzz own ci
 help:
-	@echo "make install | format | lint | types | test | smoke | compat | clients | lowest | bench | speed | tables | docs | ci"
+	@echo "make install | format | lint | types | test | smoke | compat | clients | lowest | bench | speed | tables | notebooks | docs | ci"
 	@echo "make same OLD=another checkout: whether both drive equal episodes, equally fast | metrics: sizes of the code"
 	@echo "make slow: the large draws of what the tests draw smaller"
 	@echo "make own FOLDER=of road files and maps: whether each loads and is driven, or why it is refused"
@@ -55,11 +55,17 @@ bench:
 speed:
 	$(PYTHON) -m lanekeep_benchmarks speed
 
-# The tables of results in README and pages, measured anew.
+# The tables of results in README and pages, and the scores on the environments' pages, measured anew.
 tables:
 	$(PYTHON) docs/tables.py README.md docs/benchmark.md
+	$(PYTHON) docs/scores.py docs/scores.json
 
-# The site, into build/site, to read from disk; needs the extra docs. (The variable: Material's word on MkDocs 2.)
+# The notebooks of docs/notebooks with their output, into build/notebooks; needs the extra docs.
+notebooks:
+	$(PYTHON) docs/run_notebooks.py build/notebooks
+
+# The site, into build/site, to read from disk; needs the extra docs. Notebooks that have changed are run; make notebooks
+# runs all. (The variable: Material's word on MkDocs 2.)
 docs:
 	$(PYTHON) docs/build_site.py build/docs
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet --config-file build/docs/mkdocs.yml

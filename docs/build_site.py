@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import reference
+import run_notebooks
 
 import lanekeep_baselines
 import lanekeep_env
@@ -34,8 +35,9 @@ OTHERS = {
 }
 SHIM = "iframe-worker.js"
 _GUIDES = (
-    "control-engineers", "scenario-options", "own-road-car-map", "rl-researchers", "learned-policies", "agents",
-    "driver-support", "camera", "walls", "driving", "highway-env",
+    "control-engineers", "scenario-options", "own-road-car-map", "own-suite", "rl-researchers", "train",
+    "learned-policies", "agents", "cluster", "driver-support", "camera", "walls", "driving", "highway-env",
+    "f1tenth-gym", "matlab",
 )  # fmt: skip
 
 
@@ -43,6 +45,11 @@ def sources() -> dict[Path, str]:
     """Every page of the repository that the site shows, and its place there."""
     pages = {ROOT / file: there for file, there in OTHERS.items()}
     return pages | {page: page.name for page in sorted((ROOT / "docs").glob("*.md"))}
+
+
+def places() -> dict[Path, str]:
+    """Where on the site a file of the repository is shown."""
+    return sources() | {file: f"notebooks/{name}.md" for name, file in run_notebooks.SOURCES.items()}
 
 
 def linked(page: Path, places: Mapping[Path, str], pictures: set[Path]) -> str:
@@ -108,6 +115,7 @@ def configuration(folder: Path) -> dict[str, Any]:
                 ]
             },
             {"How to": [f"{name}.md" for name in _GUIDES]},
+            {"Notebooks": [{run_notebooks.title(name): f"notebooks/{name}.md"} for name in run_notebooks.SOURCES]},
             {"Environments": ["environments/index.md", *env_pages]},
             {"Controllers": ["controllers/index.md", {"All of them, explained": "baselines.md"}, *policies]},
             {"Works": [f"works/{name}.md" for name in WORKS | BESIDE]},
@@ -116,6 +124,8 @@ def configuration(folder: Path) -> dict[str, Any]:
                     "suites.md",
                     {"Files, suites, statistics": "benchmarks.md"},
                     "conventions.md",
+                    "explanations.md",
+                    "single-track-error.md",
                     "glossary.md",
                     *(f"reference/{name}.md" for name in reference.interfaces()),
                 ]
@@ -144,11 +154,20 @@ def _said(name: str) -> str:
     return reference.first_sentence(re.sub(rf"^`{name}`[:,]? *", "", text))
 
 
+def write_notebooks(pages: Path) -> None:
+    """Write the notebooks with their output."""
+    for name in run_notebooks.SOURCES:
+        text, pictures = run_notebooks.page(name)
+        for file, content in {f"{name}.md": text.encode(), **pictures}.items():
+            (pages / "notebooks" / file).parent.mkdir(parents=True, exist_ok=True)
+            (pages / "notebooks" / file).write_bytes(content)
+
+
 def write(folder: Path, with_pictures: bool = True) -> None:
-    """Write pages, pictures and the configuration into ``folder``, anew."""
+    """Write pages, pictures and the configuration into ``folder``, anew; drives are ``with_pictures`` alone."""
     pages, pictures = folder / "pages", set[Path]()
     shutil.rmtree(folder, ignore_errors=True)
-    texts = {there: linked(page, sources(), pictures) for page, there in sources().items()} | made()
+    texts = {there: linked(page, places(), pictures) for page, there in sources().items()} | made()
     for name, text in texts.items():
         (pages / name).parent.mkdir(parents=True, exist_ok=True)
         (pages / name).write_text(text, encoding="utf-8")
@@ -156,6 +175,8 @@ def write(folder: Path, with_pictures: bool = True) -> None:
     (pages / "pictures").mkdir()
     for file in pictures:
         shutil.copy(file, pages / "pictures")
+    if with_pictures:
+        write_notebooks(pages)
     for env_id in lanekeep_env.ENVIRONMENTS if with_pictures else ():
         (pages / "pictures" / f"{reference.short(env_id)}.png").write_bytes(reference.picture(env_id))
     (folder / "mkdocs.yml").write_text(json.dumps(configuration(folder.resolve()), indent=1))

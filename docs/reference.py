@@ -5,9 +5,11 @@ from __future__ import annotations
 import importlib
 import inspect
 import io
+import json
 import re
 from collections.abc import Iterable, Sequence
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -23,9 +25,12 @@ from lanekeep_benchmarks.policies import entry_of
 from lanekeep_benchmarks.replications import BESIDE, WORKS, steps_of
 from lanekeep_benchmarks.replications.differences import DIFFERENCES
 from lanekeep_benchmarks.suites import SUITES
+from lanekeep_benchmarks.summary import RATE
 
 #: Steps that are driven before an environment's picture is taken.
 _STEPS = 60
+#: What `scores` has measured.
+SCORES = json.loads(Path(__file__).with_name("scores.json").read_text(encoding="utf-8"))
 
 
 def short(env_id: str) -> str:
@@ -96,8 +101,34 @@ def environment(env_id: str) -> str:
         f"Controllers, with the road shown ahead where it can be: {_links(drivers(env_id), '../controllers')}.",
         f"Learned policies that are shipped: {', '.join(lanekeep_agents.names(_scenario(env_id))) or 'none'}.",
         f"Suites: {', '.join(_suites(env_id)) or 'none'} (`lanekeep bench SUITE`; [all suites](../suites.md)).",
+        "## How well",
+        scores(env_id),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def scores(env_id: str) -> str:
+    """The table of an environment's scores, the largest return first, and where they are from."""
+    measured = SCORES["environments"][env_id]
+    policies = measured["policies"]
+    keys = list(next(iter(policies.values())))
+    heads = ["failed [%]" if key == RATE else f"{METRICS[key].label} [{METRICS[key].unit}]" for key in keys]
+    rows = [(_policy(name), *(_interval(key, row[key]) for key in keys)) for name, row in policies.items()]
+    source = (
+        f"{measured['title']}: scenario {measured['scenario']} of `lanekeep bench {SCORES['suite']}`, "
+        f"{SCORES['episodes']} episodes a policy, seed {SCORES['seed']}; mean and 95 % interval; {SCORES['measured']}."
+    )
+    return f"{table(['policy', *(head.removesuffix(' []') for head in heads)], rows)}\n{source}"
+
+
+def _policy(name: str) -> str:
+    return f"[{name}](../controllers/{name}.md)" if name in lanekeep_baselines.names() else name
+
+
+def _interval(key: str, numbers: Sequence[float]) -> str:
+    factor, digits = (100.0, 1) if key == RATE else (1.0, METRICS[key].digits)
+    mean, low, high = (f"{factor * number:.{digits}f}" for number in numbers)
+    return f"{mean} ({low} to {high})"
 
 
 def _suites(env_id: str) -> list[str]:

@@ -53,13 +53,18 @@ def table(summary: dict[str, Any], keys: Sequence[str]) -> str:
     return "\n".join(lines)
 
 
+def measured_at() -> str:
+    """Which commit's numbers these are, and when they were measured."""
+    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True)
+    return f"measured at {commit.stdout.strip()} on {datetime.now(UTC):%Y-%m-%d} by `make tables`"
+
+
 def _written(found: re.Match[str]) -> str:
     suite, scenario, keys = found[1], found[2], found[3].split()
     summary = measured(suite, scenario)
-    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True)
     source = (
         f"`lanekeep bench {suite}`, scenario {scenario}: {summary['episodes']} episodes a policy, seed "
-        f"{summary['seed']}; measured at {commit.stdout.strip()} on {datetime.now(UTC):%Y-%m-%d} by `make tables`."
+        f"{summary['seed']}; {measured_at()}."
     )
     text = found[0]
     return f"{text[: text.index('-->') + 3]}\n{table(summary, keys)}\n\n{source}\n<!-- end -->"

@@ -141,7 +141,7 @@ def files_of(factory: Any) -> list[Path]:
     try:
         thing = factory if hasattr(factory, "__code__") else inspect.unwrap(_class_of(factory))
         file = inspect.getsourcefile(thing)
-    except TypeError:
+    except (TypeError, OSError):  # OSError: a class of a notebook or a console
         return []
     return [] if file is None else [Path(file), *_BESIDE.get(thing.__module__, ())]
 

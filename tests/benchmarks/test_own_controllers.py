@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -221,6 +222,16 @@ def test_what_has_no_source_is_never_resumed(folder):
     scope: dict = {}
     exec("def hidden(scenario):\n    return None", scope)
     assert entry_of(scope["hidden"]).sha256 != entry_of(scope["hidden"]).sha256
+
+
+def test_a_class_of_a_notebook_has_no_source_and_is_driven(monkeypatch):
+    """Cells are no files: the class is one of `__main__`, which has none."""
+    notebook = ModuleType("__main__")
+    exec(CODE, vars(notebook))
+    monkeypatch.setitem(sys.modules, "__main__", notebook)
+    entry = entry_of(notebook.Mine)
+    assert entry.name == "mine" and entry.sha256.startswith("no source, ")
+    assert entry.make(LaneKeepScenario()).predict(np.zeros(6, np.float32))[0].shape == (1,)
 
 
 @pytest.mark.parametrize("rows", [1, 2])
