@@ -16,6 +16,7 @@ import lanekeep_baselines
 import lanekeep_env  # noqa: F401
 from lanekeep_benchmarks.policies import Entry
 from lanekeep_benchmarks.replay import Replay
+from lanekeep_env import layout as at
 from lanekeep_env.checks import require
 from lanekeep_env.files import write_atomic
 
@@ -30,8 +31,8 @@ LONGEST = 3600.0
 
 @dataclass(frozen=True)
 class Episode:
-    """What became of a played episode: steps, seconds, RMS and peak lateral error (m), whether it failed, and what
-    happened among others on the road."""
+    """What became of a played episode: steps, seconds, RMS and peak lateral error (m), whether it failed, the time of
+    a lap or, where it was to park at last, until it had, s, and what happened among others on the road."""
 
     steps: int
     seconds: float
@@ -40,6 +41,7 @@ class Episode:
     departed: bool
     lap_time: float = 0.0
     mishap: str = ""
+    parked: bool = False
 
 
 #: What happens among others on the road, by its entry in ``info``.
@@ -161,6 +163,7 @@ def play(drive: Drive, seconds: float | None, see: Callable[[np.ndarray], None] 
         departed,
         info.get("lap_time", 0.0),
         mishap,
+        getattr(scenario, "task", None) == at.PARKING,
     )
 
 

@@ -71,7 +71,7 @@ def play_command(
     failed, kept = _ENDS.get(playing.place_of(drive.env_id), ("failed", "did not fail"))
     end = driven.mishap or (failed if driven.departed else kept)
     if driven.lap_time > 0.0:
-        end += f", lap time {driven.lap_time:.2f} s"
+        end += f", {'parked after' if driven.parked else 'lap time'} {driven.lap_time:.2f} s"
     print(
         f"{drive.policy.name} drove {driven.seconds:.1f} s, RMS lateral error {driven.rms_lateral_error:.3f} m, "
         f"peak {driven.peak_lateral_error:.3f} m, and {end}" + ("" if human else f"; pictures: {file}")

@@ -32,7 +32,8 @@ class WallPose:
     """What a picture needs of a car: world and place in it (m, rad), steering (rad), speed (m/s), time (s).
 
     ``distance``: of the right wall, m, NaN without an echo; ``lap_time``: of the last lap, s, 0 before; ``scan``:
-    ranges of the depth camera, m, 0 where a beam shows nothing, (beams,); ``mode``: what a car on a course is to do.
+    ranges of the depth camera, m, 0 where a beam shows nothing, (beams,); ``mode``: what a car on a course is to do;
+    ``done``: what it did in its ``lap_time``.
     """
 
     world: World
@@ -47,6 +48,7 @@ class WallPose:
     touched: bool
     scan: np.ndarray
     mode: str = ""
+    done: str = "lap"
 
 
 class WallPicture:
@@ -117,19 +119,19 @@ class WallPicture:
         sheet.set_clip(None)
 
     def _fill(self, world: World, screen: Any) -> None:
-        """Shade the parking spaces of a course, and what its walls enclose but for the first ones around all."""
-        if world.spaces is None:
-            return
-        for x, y, heading, long, deep in world.spaces:
+        """Shade the parking spaces of a course, and what the walls of a closed way or a course keep cars out of."""
+        for x, y, heading, long, deep in () if world.spaces is None else world.spaces:
             ahead, left = (
                 np.array([math.cos(heading), math.sin(heading)]),
                 np.array([-math.sin(heading), math.cos(heading)]),
             )
             corners = [(x, y) + u * long * ahead + v * deep * left for u, v in ((0, 0), (1, 0), (1, 1), (0, 1))]
             self._pg.draw.polygon(self._sheet, _SPACE, screen(np.array(corners)))
+        if world.centre_line is None or not (world.closed or world.spaces is not None):
+            return
         joined = (world.segments[1:, :2] == world.segments[:-1, 2:]).all(axis=1)
-        for part in np.split(world.segments, 1 + np.flatnonzero(~joined))[1:]:
-            if len(part) > 2:
+        for part in np.split(world.segments, 1 + np.flatnonzero(~joined)):
+            if len(part) > 2 and not _encloses(_ends(part), world.centre_line[0]):
                 self._pg.draw.polygon(self._sheet, _BLOCK, screen(_ends(part)))
 
     def _nose(self, pose: WallPose) -> np.ndarray:
@@ -162,14 +164,16 @@ class WallPicture:
         def body(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
             return screen(np.array([pose.x, pose.y]) + np.array(points) @ axes)
 
+        nose, hub = body([(middle + 0.7 * half, 0.0), (middle + 0.7 * half, 0.3 * w)])
+        thick = max(1, min(4 * SCALE, round(math.dist(nose, hub))))  # as wheels are, or no more than seen well
         outline = [(middle + half, 0.7 * w), (middle - half, w), (middle - half, -w), (middle + half, -0.7 * w)]
         for axle, angle in ((to_front, pose.steer), (-to_rear, 0.0)):
             along = 0.12 * car.length * np.array([math.cos(angle), math.sin(angle)])
             for side in (w, -w):
-                hub = np.array([axle, side])
-                pg.draw.line(self._sheet, _WHEEL, *body([tuple(hub - along), tuple(hub + along)]), 4 * SCALE)
+                wheel = np.array([axle, side])
+                pg.draw.line(self._sheet, _WHEEL, *body([tuple(wheel - along), tuple(wheel + along)]), thick)
         pg.draw.polygon(self._sheet, _ALARM if pose.touched else _CAR, body(outline))
-        pg.draw.circle(self._sheet, _NOSE, body([(middle + 0.7 * half, 0.0)])[0], 2 * SCALE)
+        pg.draw.circle(self._sheet, _NOSE, nose, min(2 * SCALE, thick))
 
     def _plot(self, pose: WallPose) -> None:
         pg, sheet = self._pg, self._sheet
@@ -209,7 +213,7 @@ class WallPicture:
         if pose.touched:
             self._text("contact", 24, _ALARM, (x, y + 108 * SCALE), "topleft")
         elif pose.lap_time > 0.0:
-            self._text(f"lap {pose.lap_time:.2f} s", 24, _PATH, (x, y + 108 * SCALE), "topleft")
+            self._text(f"{pose.done} {pose.lap_time:.2f} s", 24, _PATH, (x, y + 108 * SCALE), "topleft")
 
     def _text(self, text: str, size: int, colour: tuple[int, int, int], where: Any, anchor: str) -> None:
         picture = self._fonts[size].render(text, True, colour)
@@ -219,3 +223,11 @@ class WallPicture:
 def _ends(walls: np.ndarray) -> np.ndarray:
     """Corners of walls that follow each other, the last one's end among them."""
     return np.concatenate([walls[:, :2], walls[-1:, 2:]])
+
+
+def _encloses(corners: np.ndarray, point: np.ndarray) -> bool:
+    """Whether a polygon (n, 2) goes round a point: a ray from it crosses an odd number of its sides."""
+    x, y = (corners - point).T
+    next_x, next_y = np.roll(x, -1), np.roll(y, -1)
+    ahead = x * next_y - next_x * y  # of the crossing, times the side's way up
+    return bool(np.count_nonzero(((y > 0.0) != (next_y > 0.0)) & ((ahead > 0.0) == (next_y > 0.0))) % 2)

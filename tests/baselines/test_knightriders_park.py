@@ -38,6 +38,19 @@ def test_every_random_row_is_parked_in(keywords):
     assert success.mean() >= 0.98
 
 
+@pytest.mark.slow
+def test_two_hundred_rows_beside_the_published_form():
+    """The gap that is long enough is 0.1 to 0.5 m longer than the shortest of one sweep."""
+    shortest = shortest_gap(0.091, 0.532, 0.265, 0.35 / np.tan(np.deg2rad(22.0)))
+    world = {"kind": "random-parking-rows", "count": 200, "seed": 813970, "longer": (shortest + 0.1, shortest + 0.5)}
+    failed = {
+        name: 200 - drive(name, 200, world, **NOISY)[1].sum()
+        for name in ("knightriders-park", "knightriders-shunt", "knightriders-park-published")
+    }
+    assert failed["knightriders-park"] <= 4 and failed["knightriders-shunt"] <= 4
+    assert 2 * failed["knightriders-park"] < failed["knightriders-park-published"]
+
+
 @pytest.mark.parametrize(
     ("vehicle", "overhang", "length", "radius"),
     [

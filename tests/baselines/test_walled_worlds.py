@@ -31,6 +31,11 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "ticks": {"encoder_ticks": 40},
     "offset": {"steering_offset": (-math.radians(3), math.radians(3))},
 }
+#: Why windows are still touched, a world in seven (of 37 drawn ones and three kinds of sensors: 16 of 111 contacts).
+GLASS = (
+    "side windows look like openings until the front cone hears them at an angle, and nearer than the camera sees the "
+    "car takes what the front cone hears for a wall that was shown before, and does not slow down for it"
+)
 #: Radius of the S-curves that slaloms leave room for, and further way between their walls, m.
 RADIUS, ROOM = 1.1, 0.8
 
@@ -104,13 +109,13 @@ def endings_of(kinds: dict[str, int], first: int) -> Counter[str]:
 
 
 @pytest.mark.slow
-def test_seven_hundred_worlds_without_glass() -> None:
-    found = endings_of({"any": 38, "ell": 25, "slalom": 25}, 5000)
+def test_a_thousand_worlds_without_glass() -> None:
+    found = endings_of({"any": 53, "ell": 36, "slalom": 36}, 810103)
     assert found["contact"] < 0.01 * found.total()
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="a window is heard late behind a wall's echo: with the Kinect a world in four")
+@pytest.mark.xfail(strict=True, reason=GLASS)
 def test_three_hundred_worlds_with_glass() -> None:
     found = endings_of({"any+g": 37}, 6000)
     assert found["contact"] < 0.01 * found.total()

@@ -6,13 +6,14 @@ import sys
 import gymnasium as gym
 import numpy as np
 import pytest
-from hypothesis import given
+import shapely
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lanekeep_env
 
 pytest.importorskip("pygame")
-from lanekeep_env.rendering import road_picture
+from lanekeep_env.rendering import road_picture, wall_picture
 from lanekeep_env.rendering.scale import bar_length
 
 IDS = sorted(lanekeep_env.ENVIRONMENTS)
@@ -154,3 +155,36 @@ def test_render_without_a_mode_warns():
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="render_mode"):
         assert env.unwrapped.render() is None
+
+
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(3, 12))
+@settings(max_examples=50, deadline=None)
+def test_what_goes_round_a_point_is_shapely_s(seed, count):
+    rng = np.random.default_rng(seed)
+    corners, point = rng.normal(size=(count, 2)), rng.normal(size=2)
+    turned = corners[np.argsort(np.arctan2(*(corners - corners.mean(axis=0)).T))]
+    assert wall_picture._encloses(turned, point) == shapely.Polygon(turned).contains(shapely.Point(point))
+
+
+@pytest.mark.parametrize(
+    ("name", "world", "filled"),
+    [
+        ("Circuit", {"kind": "circuit", "length": 12.0, "width": 8.0, "corridor": 2.0}, True),
+        ("Circuit", {"kind": "circuit", "length": 12.0, "width": 8.0, "corridor": 2.0, "glass_share": 0.3}, True),
+        ("Circuit", {"kind": "corridor", "length": 12.0, "width": 2.0}, False),
+        ("Circuit", {"kind": "ell", "first": 8.0, "second": 8.0, "width": 2.0}, False),
+        ("ObstacleCircuit", {"kind": "obstacle-circuit", "boxes": [(3.0, -3.5, 0.0, 0.5, 0.4)]}, True),
+    ],
+)
+def test_what_a_circuit_goes_round_is_shaded_and_no_way_is(name, world, filled):
+    env = gym.make(f"lanekeep/{name}-v0", world=world, render_mode="rgb_array")
+    env.reset(seed=0)
+    assert (env.render() == wall_picture._BLOCK).all(axis=2).any() == filled
+    env.close()
+
+
+def test_a_picture_tells_a_lap_from_a_parked_car():
+    for name, done in (("Circuit", "lap"), ("ObstacleCircuit", "lap"), ("ParallelPark", "parked after")):
+        env = gym.make(f"lanekeep/{name}-v0")
+        env.reset(seed=0)
+        assert env.unwrapped._core.pose(0).done == done

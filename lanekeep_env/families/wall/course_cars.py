@@ -48,9 +48,10 @@ class CourseCars(WallCars):
         return *parts, *self.course
 
     def pose(self, column: int) -> WallPose:
-        """Where the car of a column is, and what it is to do, for pictures."""
+        """Where the car of a column is, what it is to do and what it has done, for pictures."""
         block, i = divmod(column, self.cars.shape[2])
-        return replace(super().pose(column), mode=_SHOWN[int(self.cars[block, at.MODE, i])])
+        done = "parked after" if self.scenario.task == at.PARKING else "lap"
+        return replace(super().pose(column), mode=_SHOWN[int(self.cars[block, at.MODE, i])], done=done)
 
     def _check_course(self) -> None:
         """Raise ValueError for a world in which the car cannot do what it is to do."""
