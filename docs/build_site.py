@@ -19,6 +19,7 @@ import run_notebooks
 
 import lanekeep_baselines
 import lanekeep_env
+from lanekeep_benchmarks import benchmark
 from lanekeep_benchmarks.envs_command import described
 from lanekeep_benchmarks.replications import BESIDE, WORKS
 
@@ -34,6 +35,15 @@ OTHERS = {
     "CHANGELOG.md": "changelog.md",
 }
 SHIM = "iframe-worker.js"
+#: The run whose report the site shows: the benchmark's default suite, so many episodes a policy and scenario.
+RUN, EPISODES = "results", 32
+RESULTS = f"""# Results to explore
+
+`lanekeep bench --episodes {EPISODES}`, and the report that every run writes: sort and filter policies, choose a scenario
+and a metric, look at an episode's course and play it. [The report on a page of its own]({RUN}/report.html).
+
+<iframe src="{RUN}/report.html" title="Report of a run" style="width: 100%; height: 85vh; border: 0"></iframe>
+"""
 _GUIDES = (
     "control-engineers", "scenario-options", "own-road-car-map", "own-suite", "rl-researchers", "train",
     "learned-policies", "agents", "cluster", "driver-support", "camera", "walls", "driving", "highway-env",
@@ -111,6 +121,7 @@ def configuration(folder: Path) -> dict[str, Any]:
                     "index.md",
                     {"Install, first drive": "start.md"},
                     {"The benchmark": "benchmark.md"},
+                    {"Results to explore": "results.md"},
                     "frozen-suite.md",
                 ]
             },
@@ -146,7 +157,7 @@ def made() -> dict[str, str]:
     pages["environments/index.md"] = reference.index("Environments", rows)
     said = [(name, f"{name}.md", _said(name)) for name in names]
     pages["controllers/index.md"] = reference.index("Controllers", said)
-    return pages | {"suites.md": reference.suites(), "glossary.md": reference.glossary()}
+    return pages | {"suites.md": reference.suites(), "glossary.md": reference.glossary(), "results.md": RESULTS}
 
 
 def _said(name: str) -> str:
@@ -163,6 +174,13 @@ def write_notebooks(pages: Path) -> None:
             (pages / "notebooks" / file).write_bytes(content)
 
 
+def write_results(pages: Path) -> None:
+    """Drive the run whose report is shown; its own pages of text stay out of the site's."""
+    benchmark(episodes=EPISODES, out=pages / RUN, engine="processes")
+    for file in (pages / RUN).glob("*.md"):
+        file.unlink()
+
+
 def write(folder: Path, with_pictures: bool = True) -> None:
     """Write pages, pictures and the configuration into ``folder``, anew; drives are ``with_pictures`` alone."""
     pages, pictures = folder / "pages", set[Path]()
@@ -177,6 +195,7 @@ def write(folder: Path, with_pictures: bool = True) -> None:
         shutil.copy(file, pages / "pictures")
     if with_pictures:
         write_notebooks(pages)
+        write_results(pages)
     for env_id in lanekeep_env.ENVIRONMENTS if with_pictures else ():
         (pages / "pictures" / f"{reference.short(env_id)}.png").write_bytes(reference.picture(env_id))
     (folder / "mkdocs.yml").write_text(json.dumps(configuration(folder.resolve()), indent=1))
