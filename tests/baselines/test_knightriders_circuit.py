@@ -57,7 +57,7 @@ def test_a_hundred_circuits_without_contact_and_fast(laps: SimpleNamespace) -> N
     assert laps.ratio.mean() < 1.05 and laps.ratio.max() < 1.2
 
 
-@pytest.mark.parametrize("cars", [12, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cars", [30, pytest.param(100, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("faults", "failures"),
     [
