@@ -193,9 +193,10 @@ def write_gif(path: Path, frames: list[np.ndarray], seconds: float) -> None:
     from PIL import Image
 
     frames = frames[:: math.ceil(len(frames) / (LARGEST_RATE * seconds) - 1e-6)]
-    # One palette for all frames: what does not move stays the same colour, and the file small.
+    # One palette for all frames: what does not move stays the same colour, and the file small. The octree keeps
+    # colours of few pixels, as of a small car.
     sample = Image.fromarray(np.vstack([frames[0], frames[len(frames) // 2], frames[-1]]))
-    palette = sample.quantize(128, dither=Image.Dither.NONE)
+    palette = sample.quantize(128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
 
     pictures = [Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     buffer = io.BytesIO()

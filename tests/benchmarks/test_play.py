@@ -56,6 +56,15 @@ def test_a_gif_of_two_seconds(tmp_path, capsys):
     assert run(capsys, "--seconds", "1", "--gif", str(file), "--overwrite")[0] == 0
 
 
+def test_a_gif_keeps_the_colour_of_a_car_that_is_small(tmp_path, capsys):
+    """Half a thousandth of the picture is blue."""
+    file = tmp_path / "lap.gif"
+    assert run(capsys, "Circuit-v0", "--seconds", "0.5", "--gif", str(file))[0] == 0
+    with Image.open(file) as picture:
+        colours = np.asarray(picture.convert("RGB"), dtype=int)
+    assert 20 < (colours[..., 2] - colours[..., 0] > 60).sum() < 400
+
+
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [

@@ -184,7 +184,7 @@ def test_what_a_circuit_goes_round_is_shaded_and_no_way_is(name, world, filled):
 
 
 def test_a_picture_tells_a_lap_from_a_parked_car():
-    for name, done in (("Circuit", "lap"), ("ObstacleCircuit", "lap"), ("ParallelPark", "parked after")):
+    for name, done in (("Circuit", "lap"), ("ObstacleCircuit", "lap"), ("ParallelPark", "parked")):
         env = gym.make(f"lanekeep/{name}-v0")
         env.reset(seed=0)
         assert env.unwrapped._core.pose(0).done == done
