@@ -36,7 +36,7 @@ from lanekeep_env.physics.tyres import MAGIC_FORMULA_SHAPE as SHAPE
 #: What stands before the name of a policy that is limited.
 PREFIX = "slip-limited+"
 #: T_s and T_r, s.
-SLIP_TIME, TURN_TIME = 0.5, 0.125
+SLIP_TIME, TURN_TIME = 1.0, 0.125
 #: Seconds after which a share 1/e is left of what was known of friction.
 FADE = 5.0
 #: Standard deviations of 1 / mu before anything is known, and of an axle's force over its stiffness in a step, rad.
@@ -57,7 +57,7 @@ class AxleObserver(LinearQuadratic):
     name = "slip-limited"
     needs = (Need("tyres that saturate", _lacking_peak),)
     estimated = Estimated(offsets=True, curvature=True)
-    weights = Weights(rate=1.0, slip=1e-3, steer=1e-3, drift=0.05, bend=0.8)
+    weights = Weights(rate=1.0, slip=1e-3, steer=1e-3, drift=0.1, bend=0.8)
 
     def __init__(self, scenario: LimitedScenario) -> None:
         super().__init__(scenario, self.weights)
