@@ -57,7 +57,7 @@ class AxleObserver(LinearQuadratic):
     name = "slip-limited"
     needs = (Need("tyres that saturate", _lacking_peak),)
     estimated = Estimated(offsets=True, curvature=True)
-    weights = Weights(rate=1.0, slip=1e-3, steer=1e-3, drift=0.1, bend=0.8)
+    weights = Weights(rate=1.0, slip=1e-3, steer=1e-3, drift=0.04, bend=0.8)
 
     def __init__(self, scenario: LimitedScenario) -> None:
         super().__init__(scenario, self.weights)

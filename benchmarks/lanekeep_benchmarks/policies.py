@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import lanekeep_agents
 import lanekeep_baselines
 from lanekeep_agents.policy_file import LARGEST_RECORD
+from lanekeep_baselines.slip_limit import PREFIX, SlipLimited
 from lanekeep_benchmarks.own_code import FORMS, SOURCE, Checked, is_code, load_factory, sha256_of
 from lanekeep_env.checks import nearest, shown, shown_path
 from lanekeep_env.files import read_bounded
@@ -52,6 +53,7 @@ def check_policy(name: str) -> None:
 
     Code is not looked for: this is for names that stand in a file.
     """
+    name = name.removeprefix(PREFIX)
     if name.endswith(FILE):
         try:
             found = Path(name).is_file()
@@ -73,7 +75,7 @@ def _unknown(name: str, fitting: Callable[[], Sequence[str]] = lanekeep_baseline
     learned = ", a learned one (lanekeep zoo lists them)" if all_ else " (lanekeep zoo describes the learned ones)"
     return (
         f"policy {shown(name)} is unknown{nearest(name, known_policies())}; allowed: {', '.join(fitting())}{learned}, "
-        f"or a {FILE} file"
+        f"or a {FILE} file; {PREFIX}NAME limits the slips of any of them"
     )
 
 
@@ -81,8 +83,9 @@ def entry_of(given: Any, code: bool = True, fitting: Callable[[], Sequence[str]]
     """Return the entry of what a person names or hands over.
 
     Args:
-        given: a name, the path of a learned policy's file, ``module:factory``, ``path/to/file.py:factory``; in Python
-            also a factory (takes a scenario, gives a policy) or a policy, an object with ``predict``.
+        given: a name, the path of a learned policy's file, ``module:factory``, ``path/to/file.py:factory``, each of
+            them behind ``slip-limited+`` too (`lanekeep_baselines.slip_limit`); in Python also a factory (takes a
+            scenario, gives a policy) or a policy, an object with ``predict``.
         code: whether a text may name code: never where it comes from a file.
         fitting: gives the names that the error about an unknown one lists.
 
@@ -93,6 +96,9 @@ def entry_of(given: Any, code: bool = True, fitting: Callable[[], Sequence[str]]
         return given
     if not isinstance(given, str):
         return _handed_over(given)
+    if given.startswith(PREFIX):
+        inner = entry_of(given.removeprefix(PREFIX), code, fitting)
+        return Entry(given, lambda scenario: SlipLimited(inner.make(scenario), scenario), inner.sha256, given)
     if code and is_code(given) and not given.endswith(FILE):
         return _own(given, load_factory(given), given)
     if code and given.endswith(SOURCE):
@@ -158,6 +164,8 @@ def make_policy(name: str, scenario: Any) -> Policy:
         ValueError, OSError, ImportError: unknown, not for this scenario, broken, or without a package that it needs.
     """
     check_policy(name)
+    if name.startswith(PREFIX):
+        return SlipLimited(make_policy(name.removeprefix(PREFIX), scenario), scenario)
     if name in lanekeep_baselines.names():
         return lanekeep_baselines.make(name, scenario)
     return lanekeep_agents.load(name, scenario)
