@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lanekeep_baselines.declared import Need
-from lanekeep_baselines.lq import CostScenario, LinearQuadratic
+from lanekeep_baselines.lq import LinearQuadratic
 from lanekeep_baselines.lq_design import Estimated, Weights
 from lanekeep_baselines.lq_model import SIDESLIP, SLOWEST, STATES, STEER, YAW_RATE
 from lanekeep_baselines.mpc import LimitedScenario

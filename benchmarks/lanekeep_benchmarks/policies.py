@@ -48,6 +48,11 @@ def known_policies() -> tuple[str, ...]:
     return *lanekeep_baselines.names(), *lanekeep_agents.names()
 
 
+def is_known(name: str) -> bool:
+    """Tell whether a policy of that name is part of the packages, its slips limited or not."""
+    return name.removeprefix(PREFIX) in known_policies()
+
+
 def check_policy(name: str) -> None:
     """Raise ValueError unless ``name`` is a known one or the path of a file; the nearest known one is named.
 
@@ -75,7 +80,7 @@ def _unknown(name: str, fitting: Callable[[], Sequence[str]] = lanekeep_baseline
     learned = ", a learned one (lanekeep zoo lists them)" if all_ else " (lanekeep zoo describes the learned ones)"
     return (
         f"policy {shown(name)} is unknown{nearest(name, known_policies())}; allowed: {', '.join(fitting())}{learned}, "
-        f"or a {FILE} file; {PREFIX}NAME limits the slips of any of them"
+        f"or a {FILE} file"
     )
 
 
@@ -98,7 +103,7 @@ def entry_of(given: Any, code: bool = True, fitting: Callable[[], Sequence[str]]
         return _handed_over(given)
     if given.startswith(PREFIX):
         inner = entry_of(given.removeprefix(PREFIX), code, fitting)
-        return Entry(given, lambda scenario: SlipLimited(inner.make(scenario), scenario), inner.sha256, given)
+        return Entry(given, as_named(given, inner.make), inner.sha256, given)
     if code and is_code(given) and not given.endswith(FILE):
         return _own(given, load_factory(given), given)
     if code and given.endswith(SOURCE):
@@ -112,6 +117,11 @@ def entry_of(given: Any, code: bool = True, fitting: Callable[[], Sequence[str]]
     if registered is not None:
         return _own(given, registered, registered)
     return Entry(given, lambda scenario: make_policy(given, scenario), policy_digest(given), given)
+
+
+def as_named(name: str, make: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return ``make``, or where ``name`` asks for it one whose policies' slips are limited."""
+    return (lambda scenario: SlipLimited(make(scenario), scenario)) if name.startswith(PREFIX) else make
 
 
 def _handed_over(given: Any) -> Entry:
