@@ -1,6 +1,6 @@
-"""A safety filter around any policy that steers on tyres which saturate: slips stay below the tyres' peaks.
+"""A safety filter around any policy that steers on tyres which saturate: slips are kept from the tyres' peaks.
 
-A car whose rear tyres slip beyond their peak spins, whatever is done about it soon after; one whose front tyres do so
+A car whose rear tyres slip far beyond their peak spins, whatever is done about it then; one whose front tyres do so
 runs wide. The filter lets a command pass unless it turns the car in faster than leads back. With the largest lateral
 acceleration mu g and the peaks of slip p_f and p_r it asks, towards either side, for
 
@@ -9,11 +9,13 @@ acceleration mu g and the peaks of slip p_f and p_r it asks, towards either side
 The rear slip grows by r - a_y / v, so that the first keeps it from its peak (a control barrier function of second
 order; at the peak it is the nullcline of sideslip, the edge of the envelope of Bobier and Gerdes, "Staying within the
 nullcline boundary for vehicle envelope control using a sliding surface controller", Vehicle System Dynamics 51(2),
-2013). The second is a force of the front axle, hence a slip, hence an angle of the road wheel.
+2013). The second is a force of the front axle, hence a slip, hence an angle of the road wheel. That is what may be
+asked for: the actuator's lag takes slips beyond their peaks for a moment, by up to a half where full lock is asked for.
 
 Nothing hidden is read: slips and forces of the axles are estimates of a Kalman filter of the nominal car, and friction
-is the scenario's nominal one until they tell another. That needs no force that is larger: the share of a linear tyre's
-force that an axle gives falls with its slip, and tells how far its peak is.
+is the scenario's nominal one until they tell another. No tyre has to slide for that: the share of a linear tyre's
+force that an axle gives falls with its slip, and tells how far its peak is. A car with softer tyres than the nominal
+one seems to be on less friction.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from lanekeep_baselines.lq import LinearQuadratic
 from lanekeep_baselines.lq_design import Estimated, Weights
 from lanekeep_baselines.lq_model import SIDESLIP, SLOWEST, STATES, STEER, YAW_RATE
 from lanekeep_baselines.mpc import LimitedScenario
-from lanekeep_baselines.policy import Floats, Policy
+from lanekeep_baselines.policy import Floats
 from lanekeep_env.physics.parameters import GRAVITY
 from lanekeep_env.physics.tyres import MAGIC_FORMULA_SHAPE as SHAPE
 
@@ -45,6 +47,10 @@ SPREAD, DOUBT = 1.0, 0.03
 _REACH: Floats = np.linspace(6.0, 0.02, 600)
 _SHARE: Floats = np.sin(SHAPE * np.arctan(_REACH)) / (SHAPE * _REACH)
 _SLOPE: Floats = np.gradient(_SHARE, _REACH)
+
+
+#: The state: estimates (n, states), what is known of friction (n, 2), and the policy's.
+Limited = tuple[NDArray[Any], NDArray[Any], Any]
 
 
 def _lacking_peak(scenario: LimitedScenario) -> str:
@@ -66,13 +72,13 @@ class AxleObserver(LinearQuadratic):
 class SlipLimited:
     """``policy``, its commands limited; the same to the last bit where they meet no limit.
 
-    The state is the observer's, what is known of friction, and the policy's.
+    The state is the observer's, what is known of friction, and the policy's, which may be anything.
 
     Raises:
         ValueError: the scenario lacks a channel that slips are estimated from, or its tyres do not saturate.
     """
 
-    def __init__(self, policy: Policy, scenario: LimitedScenario) -> None:
+    def __init__(self, policy: Any, scenario: LimitedScenario) -> None:
         self._policy, self._observer = policy, AxleObserver(scenario)
         self.name = PREFIX + str(getattr(policy, "name", type(policy).__name__))
         self._car, car, base = scenario.vehicle, scenario.vehicle, scenario.vehicle.wheelbase
@@ -87,33 +93,28 @@ class SlipLimited:
     def predict(
         self,
         observation: ArrayLike,
-        state: NDArray[Any] | None = None,
+        state: Limited | None = None,
         episode_start: ArrayLike | None = None,
         deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], NDArray[Any]]:
+    ) -> tuple[NDArray[np.float32], Limited]:
         """Return actions and the next state, as every policy."""
-        rows = np.atleast_2d(np.asarray(observation))
-        n, own = len(rows), self._observer.memory
-        known = others = None
-        friction = np.zeros((2, n))
-        if state is not None:
-            whole = np.atleast_2d(np.asarray(state))
-            known, others = whole[:, :own], whole[:, own + 2 :]
-            fresh = np.asarray(False if episode_start is None else episode_start, dtype=bool).reshape(-1)
-            friction = np.where(fresh, 0.0, np.array(whole[:, own : own + 2].T, dtype=np.float64))
-            others = others[:, 0] if others.dtype == object else others
-        _, estimates = self._observer.predict(rows, known, episode_start)
-        action, after = self._policy.predict(rows, others, episode_start)
+        known, friction, others = state or (None, None, None)
+        _, estimates = self._observer.predict(observation, known, episode_start)
+        action, others = self._policy.predict(observation, others, episode_start)
         assert estimates is not None
-        speed = np.maximum(rows[:, self._speed].astype(np.float64), SLOWEST)
-        friction, low, high = self._limits(estimates.T, speed, friction)
-        before = rows[:, self._before].astype(np.float64) if self._rate else 0.0
-        asked = before + self._scale * action[:, 0].clip(-1.0, 1.0).astype(np.float64)
+        rows, given = np.atleast_2d(np.asarray(observation, dtype=np.float64)), np.asarray(action).reshape(-1)
+        kept = np.zeros((2, len(rows))) if friction is None else np.atleast_2d(friction).T
+        if episode_start is not None:
+            kept = np.where(np.asarray(episode_start, dtype=bool).reshape(-1), 0.0, kept)
+        speed = np.maximum(rows[:, self._speed], SLOWEST)
+        kept, low, high = self._limits(np.atleast_2d(estimates).T, speed, kept)
+        before = rows[:, self._before] if self._rate else 0.0
+        asked = before + self._scale * given.clip(-1.0, 1.0).astype(np.float64)
         limited = np.minimum(np.maximum(asked, low), high)
-        told = np.where(limited == asked, action[:, 0], (limited - before) / self._scale).astype(np.float32)[:, None]
-        following = [estimates, friction.T] + ([] if after is None else [np.reshape(after, (n, -1))])
-        both = np.concatenate(following, axis=1)
-        return (told[0], both[0]) if np.ndim(observation) == 1 else (told, both)
+        told = np.where(limited == asked, given, (limited - before) / self._scale).astype(np.float32)[:, None]
+        if np.ndim(observation) == 1:
+            return told[0], (estimates, kept.T[0], others)
+        return told, (estimates, kept.T, others)
 
     def _limits(self, estimates: Floats, speed: Floats, known: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what is known of friction now, (2, n), and the least and the largest command, rad, (n,).
