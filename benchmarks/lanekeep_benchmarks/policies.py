@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import lanekeep_agents
 import lanekeep_baselines
 from lanekeep_agents.policy_file import LARGEST_RECORD
+from lanekeep_baselines.slip_limit import PREFIX, SlipLimited
 from lanekeep_benchmarks.own_code import FORMS, SOURCE, Checked, is_code, load_factory, sha256_of
 from lanekeep_env.checks import nearest, shown, shown_path
 from lanekeep_env.files import read_bounded
@@ -47,11 +48,17 @@ def known_policies() -> tuple[str, ...]:
     return *lanekeep_baselines.names(), *lanekeep_agents.names()
 
 
+def is_known(name: str) -> bool:
+    """Tell whether a policy of that name is part of the packages, its slips limited or not."""
+    return name.removeprefix(PREFIX) in known_policies()
+
+
 def check_policy(name: str) -> None:
     """Raise ValueError unless ``name`` is a known one or the path of a file; the nearest known one is named.
 
     Code is not looked for: this is for names that stand in a file.
     """
+    name = name.removeprefix(PREFIX)
     if name.endswith(FILE):
         try:
             found = Path(name).is_file()
@@ -81,8 +88,9 @@ def entry_of(given: Any, code: bool = True, fitting: Callable[[], Sequence[str]]
     """Return the entry of what a person names or hands over.
 
     Args:
-        given: a name, the path of a learned policy's file, ``module:factory``, ``path/to/file.py:factory``; in Python
-            also a factory (takes a scenario, gives a policy) or a policy, an object with ``predict``.
+        given: a name, the path of a learned policy's file, ``module:factory``, ``path/to/file.py:factory``, each of
+            them behind ``slip-limited+`` too (`lanekeep_baselines.slip_limit`); in Python also a factory (takes a
+            scenario, gives a policy) or a policy, an object with ``predict``.
         code: whether a text may name code: never where it comes from a file.
         fitting: gives the names that the error about an unknown one lists.
 
@@ -93,6 +101,9 @@ def entry_of(given: Any, code: bool = True, fitting: Callable[[], Sequence[str]]
         return given
     if not isinstance(given, str):
         return _handed_over(given)
+    if given.startswith(PREFIX):
+        inner = entry_of(given.removeprefix(PREFIX), code, fitting)
+        return Entry(given, as_named(given, inner.make), inner.sha256, given)
     if code and is_code(given) and not given.endswith(FILE):
         return _own(given, load_factory(given), given)
     if code and given.endswith(SOURCE):
@@ -106,6 +117,11 @@ def entry_of(given: Any, code: bool = True, fitting: Callable[[], Sequence[str]]
     if registered is not None:
         return _own(given, registered, registered)
     return Entry(given, lambda scenario: make_policy(given, scenario), policy_digest(given), given)
+
+
+def as_named(name: str, make: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return ``make``, or where ``name`` asks for it one whose policies' slips are limited."""
+    return (lambda scenario: SlipLimited(make(scenario), scenario)) if name.startswith(PREFIX) else make
 
 
 def _handed_over(given: Any) -> Entry:
@@ -158,6 +174,8 @@ def make_policy(name: str, scenario: Any) -> Policy:
         ValueError, OSError, ImportError: unknown, not for this scenario, broken, or without a package that it needs.
     """
     check_policy(name)
+    if name.startswith(PREFIX):
+        return SlipLimited(make_policy(name.removeprefix(PREFIX), scenario), scenario)
     if name in lanekeep_baselines.names():
         return lanekeep_baselines.make(name, scenario)
     return lanekeep_agents.load(name, scenario)

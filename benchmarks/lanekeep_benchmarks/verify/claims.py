@@ -10,11 +10,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from lanekeep_baselines.slip_limit import PREFIX
 from lanekeep_benchmarks.bound_table import with_bounds
 from lanekeep_benchmarks.lines import EpisodeResult, Place
 from lanekeep_benchmarks.own_code import Checked, is_code
 from lanekeep_benchmarks.plan import Plan, make_plan
-from lanekeep_benchmarks.policies import FILE, Entry, entry_of, known_policies
+from lanekeep_benchmarks.policies import FILE, Entry, as_named, entry_of, is_known
 from lanekeep_benchmarks.replay import record_in, suite_of
 from lanekeep_benchmarks.report import failures, markdown
 from lanekeep_benchmarks.results import EPISODES, LARGEST_LINES, SUMMARY, TABLE, read_lines
@@ -93,15 +94,16 @@ def read_claims(folder: Path, named: Sequence[str]) -> Claims:
 
 def _entry(name: str, named: bool, apart: list[Apart]) -> Entry:
     """The entry of a policy as a record names it: shipped, the file of a learned one, or code that a person named."""
-    if name in known_policies() or name.endswith(FILE):
+    if is_known(name) or name.endswith(FILE):
         return entry_of(name, code=False)
     if not is_code(name):
         raise ValueError("handed over in Python, so that no command can make it again")
     if not named:
         raise ValueError(f"own code, which is run only where you name it: --policies {name}")
-    one = Apart(name)
+    own = name.removeprefix(PREFIX)
+    one = Apart(own)
     apart.append(one)
-    return Entry(name, lambda scenario: Checked(name, one.make, scenario), one.sha256(), name)
+    return Entry(name, as_named(name, lambda scenario: Checked(own, one.make, scenario)), one.sha256(), name)
 
 
 def _foreign(record: RunRecord, plan: Plan) -> list[str]:
