@@ -19,18 +19,16 @@ class Table:
         self._start, self._step = float(grid[0]), float(grid[1] - grid[0])
         self._last = float(len(grid) - 1)
         self._shape = values.shape[1:]
-        flat = values.reshape(len(grid), -1)
-        # Value and slope side by side: one look-up fetches both.
-        self._rows = np.concatenate([flat, np.diff(flat, axis=0, append=flat[-1:])], axis=1)
+        self._values = np.ascontiguousarray(values.reshape(len(grid), -1))
+        self._slopes = np.diff(self._values, axis=0, append=self._values[-1:])
 
     def __call__(self, at: Floats) -> Floats:
         """Return the interpolated values at ``at`` (n,), shape (n, ...)."""
-        place = np.clip((at - self._start) / self._step, 0.0, self._last)
+        place = np.minimum(np.maximum((at - self._start) / self._step, 0.0), self._last)
         index = place.astype(np.intp)
-        rows = self._rows[index]
-        half = rows.shape[1] // 2
-        part = rows[:, half:] * (place - index)[:, None]
-        part += rows[:, :half]
+        part = self._slopes.take(index, axis=0, mode="clip")  # inside anyway, and quicker than to look whether it is
+        part *= (place - index)[:, None]
+        part += self._values.take(index, axis=0, mode="clip")
         return part.reshape(len(at), *self._shape)
 
 
@@ -46,12 +44,13 @@ def weighted_sum(weights: Floats, values: Floats) -> Floats:
     """
     n, m = values.shape
     k = 1 if weights.ndim == 2 else weights.shape[2]
-    products = np.repeat(values, k, axis=1)
-    products *= weights.reshape(n, m * k)
-    while m % 2 == 0:  # folding halves onto each other is quicker than adding columns one by one
+    # One row a summand and n numbers long: whole rows are quicker to work on than short pieces of many.
+    products = np.empty((m, k, n))
+    np.multiply(weights.reshape(n, m, k).transpose(1, 2, 0), values.T[:, None], out=products)
+    while m % 2 == 0:  # folding halves onto each other is quicker than adding row by row
         m //= 2
-        products = products[:, : m * k] + products[:, m * k :]
-    total = products[:, :k]
-    for j in range(1, m):
-        total = total + products[:, j * k : (j + 1) * k]
-    return total[:, 0] if weights.ndim == 2 else total
+        products = products[:m] + products[m:]
+    total = products[0]
+    for row in products[1:]:
+        total = total + row
+    return total[0] if weights.ndim == 2 else total.T

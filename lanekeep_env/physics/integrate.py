@@ -228,6 +228,7 @@ def holder(tyres: Callable[..., Any], drag: Callable[..., Any], name: str, pushe
 def integrator(
     rates: Callable[..., Any],
     pace: int,
+    slips: bool,
     saturates: bool,
     name: str,
     tyres: Callable[..., Any] = unchanged,
@@ -293,8 +294,11 @@ def integrator(
             if remembers:  # the lateral acceleration at the sub-step's start
                 across_[i] = speeds[0] * (state[5] + r_[i])
             along_[i], d_[i], theta_[i], beta, r, _ = state
-            beta_[i] = wrapped(beta) if saturates else clip(beta, -widest, widest)
-            r_[i] = clip(r, -fastest, fastest)
+            if (
+                slips
+            ):  # else both follow from what is shown; a loop that writes them as well is no SIMD code with a gear
+                beta_[i] = wrapped(beta) if saturates else clip(beta, -widest, widest)
+                r_[i] = clip(r, -fastest, fastest)
             steer_[i] = end
         if keeps_later:  # a loop that writes both is no SIMD code
             for i in range(block.shape[1]):

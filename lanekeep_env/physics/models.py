@@ -50,7 +50,9 @@ class CarModel:
     @cached_property
     def advance(self) -> Callable[..., Any]:
         """Compiled loop that advances a block of cars by a sub-step."""
-        return integrator(self.rates, self.pace, self.saturates, self.name, self.tyres, self.drag, self.pushed)
+        return integrator(
+            self.rates, self.pace, self.slips, self.saturates, self.name, self.tyres, self.drag, self.pushed
+        )
 
     @cached_property
     def show(self) -> Callable[..., Any]:

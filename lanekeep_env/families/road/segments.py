@@ -76,14 +76,30 @@ def _shape(road, segment):
 
 
 @inline
+def _go_on(segment, along, road):
+    """Return segment and place on it, m, of a place ``along`` or more metres behind the start of a segment."""
+    left = np.int64(road.shape[0])
+    while left > 0 and along >= road[segment, at.R_LENGTH]:
+        # As long as the next row is the next segment, the processor need not wait for what a row says of it.
+        begin = segment
+        for following in range(begin + 1, begin + left + 1):
+            if not (along >= road[segment, at.R_LENGTH] and road[segment, at.R_NEXT] == like(along, following)):
+                break
+            along -= road[segment, at.R_LENGTH]
+            segment = following
+        left -= segment - begin
+        if left > 0 and along >= road[segment, at.R_LENGTH]:
+            along -= road[segment, at.R_LENGTH]
+            segment = np.int64(road[segment, at.R_NEXT])
+            left -= 1
+    return segment, along
+
+
+@inline
 def _find(segment, along, road):
     """Return segment and place on it, m, of a place ``along`` from the start of a segment, before or behind it."""
     zero = like(along, 0.0)
-    for _ in range(road.shape[0]):
-        if not along >= road[segment, at.R_LENGTH]:
-            break
-        along -= road[segment, at.R_LENGTH]
-        segment = np.int64(road[segment, at.R_NEXT])
+    segment, along = _go_on(segment, along, road)
     for _ in range(road.shape[0]):
         if not (along < zero and road[segment, at.R_PREVIOUS] >= zero):  # a car that backs up
             break
@@ -116,10 +132,6 @@ def look_ahead(first, last, block, counted, road, settings, observation):
 @helper
 def curvature_ahead(i, way, block, counted, road):
     """Return the curvature of the road ``way`` metres ahead of car i, 1/m."""
-    segment, along = counted[at.SEGMENT, i], larger(block[at.ALONG, i], like(way, 0.0)) + way
-    for _ in range(road.shape[0]):
-        if not along >= road[segment, at.R_LENGTH]:
-            break
-        along -= road[segment, at.R_LENGTH]
-        segment = np.int64(road[segment, at.R_NEXT])
+    along = larger(block[at.ALONG, i], like(way, 0.0)) + way
+    segment, along = _go_on(counted[at.SEGMENT, i], along, road)
     return road[segment, at.R_CURVATURE] + road[segment, at.R_CURVATURE_SLOPE] * along
