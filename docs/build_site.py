@@ -37,10 +37,13 @@ OTHERS = {
 SHIM = "iframe-worker.js"
 #: The run whose report the site shows: the benchmark's default suite, so many episodes a policy and scenario.
 RUN, EPISODES = "results", 32
-RESULTS = f"""# Results to explore
+RESULTS = f"""---
+hide: [toc]
+---
+# Results to explore
 
-`lanekeep bench --episodes {EPISODES}`, and the report that every run writes: sort and filter policies, choose a scenario
-and a metric, look at an episode's course and play it. [The report on a page of its own]({RUN}/report.html).
+`lanekeep bench --episodes {EPISODES}`, and the report that every run writes: sort and filter policies, choose a
+scenario and a metric, look at an episode's course and play it. [The report on a page of its own]({RUN}/report.html).
 
 <iframe src="{RUN}/report.html" title="Report of a run" style="width: 100%; height: 85vh; border: 0"></iframe>
 """

@@ -294,9 +294,7 @@ def integrator(
             if remembers:  # the lateral acceleration at the sub-step's start
                 across_[i] = speeds[0] * (state[5] + r_[i])
             along_[i], d_[i], theta_[i], beta, r, _ = state
-            if (
-                slips
-            ):  # else both follow from what is shown; a loop that writes them as well is no SIMD code with a gear
+            if slips:  # else both follow from what is shown, and a loop with a gear that writes them is no SIMD code
                 beta_[i] = wrapped(beta) if saturates else clip(beta, -widest, widest)
                 r_[i] = clip(r, -fastest, fastest)
             steer_[i] = end
