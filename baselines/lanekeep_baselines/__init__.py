@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
 
-from lanekeep_baselines.declared import Declared
+from lanekeep_baselines.declared import PREFIX, Declared
 from lanekeep_baselines.one_by_one import OneByOne
 from lanekeep_baselines.policy import DrivingPolicy, Policy, Scenario, SteeringPolicy
 from lanekeep_env.checks import nearest, shown
@@ -79,7 +79,8 @@ def register(name: str, factory: Callable[[Any], Any], needs: Sequence[str] = ()
     """Make a controller of your own known to `names`, `make` and the benchmark, in this process.
 
     Args:
-        name: anything that no other policy is called; the same name again takes the new factory.
+        name: anything that no other policy is called, but not ``slip-limited+...``; the same name again takes the new
+            factory.
         factory: takes a scenario, gives a policy: an object with ``predict``. A `SteeringPolicy` declares itself.
         needs: channels that it cannot do without; `names(scenario)` lists it where they are observed.
 
@@ -88,6 +89,8 @@ def register(name: str, factory: Callable[[Any], Any], needs: Sequence[str] = ()
     """
     if name in _POLICIES or not name.isprintable() or not name or "," in name or ":" in name:
         raise ValueError(f"name={shown(name)} is not allowed: it must be a text without , and : and none of {names()}")
+    if name.startswith(PREFIX):
+        raise ValueError(f"name={shown(name)} is not allowed: {PREFIX} stands before the name of any policy")
     if not callable(factory):
         raise ValueError(f"factory={shown(factory)} is not allowed: it must take a scenario and return a policy")
     if isinstance(factory, type) and issubclass(factory, Declared):

@@ -14,6 +14,9 @@ from typing import Any, ClassVar, NamedTuple, get_type_hints
 
 from lanekeep_env.checks import shown
 
+#: What stands before the name of a policy behind the filter of `slip_limit`; no policy's own name begins so.
+PREFIX = "slip-limited+"
+
 
 class Need(NamedTuple):
     """A condition on a scenario beyond its channels and fields.

@@ -19,7 +19,7 @@ from lanekeep_baselines.lq_design import Cost, Stage
 from lanekeep_baselines.lq_model import SIDESLIP, SLOWEST, STEER, YAW_RATE, StepModel
 from lanekeep_baselines.policy import Floats
 from lanekeep_env.physics.parameters import GRAVITY, VehicleParameters
-from lanekeep_env.physics.tyres import MAGIC_FORMULA_SHAPE
+from lanekeep_env.physics.tyres import LINEAR_AT_PEAK
 
 
 @dataclass(frozen=True)
@@ -140,17 +140,13 @@ def _disturbing(n: int, steps: int, now: int, then: int) -> Floats:
     return chosen
 
 
-#: C tan(pi / 2C): a linear tyre's force over the peak, at the slip where the magic formula has its peak. (To keep the
-#: linear force itself within the peak gives away half of what the tyre can.)
-_AT_PEAK = MAGIC_FORMULA_SHAPE * math.tan(math.pi / (2.0 * MAGIC_FORMULA_SHAPE))
-
-
 def _axle_slips(car: VehicleParameters, v: float, n: int) -> list[tuple[Floats, float]]:
     """Slip of the front and the rear axle over z, as the force of a linear tyre, N; that at its peak, N.
 
-    The slip is that of the wheels: offsets are of the force that it gives.
+    The slip is that of the wheels: offsets are of the force that it gives. (To keep the linear force itself within the
+    peak gives away half of what the tyre can.)
     """
-    load = _AT_PEAK * car.mass * GRAVITY / car.wheelbase
+    load = LINEAR_AT_PEAK * car.mass * GRAVITY / car.wheelbase
     front, rear = np.zeros(n), np.zeros(n)
     front[[STEER, SIDESLIP, YAW_RATE]] = 1.0, -1.0, -car.cg_to_front_axle / v
     rear[[SIDESLIP, YAW_RATE]] = -1.0, car.cg_to_rear_axle / v

@@ -15,7 +15,8 @@ asked for: the actuator's lag takes slips beyond their peaks for a moment, by up
 Nothing hidden is read: slips and forces of the axles are estimates of a Kalman filter of the nominal car, and friction
 is the scenario's nominal one until they tell another. No tyre has to slide for that: the share of a linear tyre's
 force that an axle gives falls with its slip, and tells how far its peak is. A car with softer tyres than the nominal
-one seems to be on less friction.
+one seems to be on less friction. Axles bear their static loads here: with `tyre="load_sensitive"`, whose loads shift as
+the car accelerates, the peaks are approximate.
 """
 
 from __future__ import annotations
@@ -26,17 +27,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lanekeep_baselines.declared import Need
+from lanekeep_baselines.declared import PREFIX, Need
 from lanekeep_baselines.lq import LinearQuadratic
 from lanekeep_baselines.lq_design import Estimated, Weights
 from lanekeep_baselines.lq_model import SIDESLIP, SLOWEST, STATES, STEER, YAW_RATE
 from lanekeep_baselines.mpc import LimitedScenario
 from lanekeep_baselines.policy import Floats
 from lanekeep_env.physics.parameters import GRAVITY
+from lanekeep_env.physics.tyres import LINEAR_AT_PEAK, slip_at
 from lanekeep_env.physics.tyres import MAGIC_FORMULA_SHAPE as SHAPE
 
-#: What stands before the name of a policy that is limited.
-PREFIX = "slip-limited+"
 #: T_s and T_r, s.
 SLIP_TIME, TURN_TIME = 1.0, 0.125
 #: Seconds after which a share 1/e is left of what was known of friction.
@@ -54,6 +54,8 @@ Limited = tuple[NDArray[Any], NDArray[Any], Any]
 
 
 def _lacking_peak(scenario: LimitedScenario) -> str:
+    if scenario.dynamics == "kinematic":
+        return "tyres that saturate: a car with dynamics='kinematic' has none"
     return "" if scenario.tyre != "linear" else "tyres that saturate: make the scenario with tyre='magic_formula'"
 
 
@@ -63,6 +65,7 @@ class AxleObserver(LinearQuadratic):
     name = "slip-limited"
     needs = (Need("tyres that saturate", _lacking_peak),)
     estimated = Estimated(offsets=True, curvature=True)
+    # By hand: those that `tuning` starts from, but offsets and bends that may change faster, as slips do at the limit.
     weights = Weights(rate=1.0, slip=1e-3, steer=1e-3, drift=0.04, bend=0.8)
 
     def __init__(self, scenario: LimitedScenario) -> None:
@@ -79,7 +82,7 @@ class SlipLimited:
     """
 
     def __init__(self, policy: Any, scenario: LimitedScenario) -> None:
-        self._policy, self._observer = policy, AxleObserver(scenario)
+        self.__wrapped__, self._observer = policy, AxleObserver(scenario)  # a hash of this is one of ``policy`` too
         self.name = PREFIX + str(getattr(policy, "name", type(policy).__name__))
         self._car, car, base = scenario.vehicle, scenario.vehicle, scenario.vehicle.wheelbase
         self._stiffness = np.array([[car.front_cornering_stiffness], [car.rear_cornering_stiffness]])
@@ -100,7 +103,7 @@ class SlipLimited:
         """Return actions and the next state, as every policy."""
         known, friction, others = state or (None, None, None)
         _, estimates = self._observer.predict(observation, known, episode_start)
-        action, others = self._policy.predict(observation, others, episode_start)
+        action, others = self.__wrapped__.predict(observation, others, episode_start, deterministic)
         assert estimates is not None
         rows, given = np.atleast_2d(np.asarray(observation, dtype=np.float64)), np.asarray(action).reshape(-1)
         kept = np.zeros((2, len(rows))) if friction is None else np.atleast_2d(friction).T
@@ -131,15 +134,14 @@ class SlipLimited:
         known = self._kept * known + self._told(slips, given)
         mu = (1.0 / SPREAD**2 + known[0]) / (self._nominal / SPREAD**2 + known[1])
         front, rear = mu * self._load
-        peak = rear / self._stiffness[1] * SHAPE * math.tan(math.pi / (2.0 * SHAPE))
+        peak = LINEAR_AT_PEAK * rear / self._stiffness[1]
         force = self._stiffness[1] * given[1]
         limits = []
         for side in (-1.0, 1.0):
             fastest = mu * GRAVITY / speed + (peak - side * slips[1]) / SLIP_TIME
             moment = car.yaw_inertia * (fastest - side * turn) / TURN_TIME
             most = (moment + car.cg_to_rear_axle * side * force) / car.cg_to_front_axle
-            angle = np.tan(np.arcsin((most / front).clip(-1.0, 1.0)) / SHAPE) * SHAPE * front / self._stiffness[0]
-            limits.append(course + side * angle)
+            limits.append(course + side * slip_at(most.clip(-front, front), self._stiffness[0], front))
         return known, limits[0], limits[1]
 
     def _told(self, slips: Floats, given: Floats) -> Floats:

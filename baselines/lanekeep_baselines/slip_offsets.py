@@ -16,7 +16,7 @@ import numpy as np
 from lanekeep_baselines.policy import Floats
 from lanekeep_env.physics.load_transfer import numbers_of, on_loads, read
 from lanekeep_env.physics.parameters import GRAVITY, VehicleParameters
-from lanekeep_env.physics.tyres import MAGIC_FORMULA_SHAPE
+from lanekeep_env.physics.tyres import slip_at
 
 #: Share of the peak, D, up to which axles are followed; beyond it, no slip gives the force that is asked for.
 MOST_USED = 0.95
@@ -51,7 +51,7 @@ class SlipOffsets:
             force = car.mass * _GRID * rear / (base * cosine - beside * sine)
             asked = np.array([force, car.mass * _GRID - force * cosine])
             given = np.minimum(asked, MOST_USED * peak)
-            slip = MAGIC_FORMULA_SHAPE * peak / stiffness * np.tan(np.arcsin(given / peak) / MAGIC_FORMULA_SHAPE)
+            slip = slip_at(given, stiffness, peak)
         level = car.mass * _GRID / base * np.array([[rear], [front]])
         self._offsets: Floats = (level - (asked - given)) / nominal - slip
 

@@ -26,7 +26,8 @@ class Table:
         """Return the interpolated values at ``at`` (n,), shape (n, ...)."""
         place = np.minimum(np.maximum((at - self._start) / self._step, 0.0), self._last)
         index = place.astype(np.intp)
-        part = self._slopes.take(index, axis=0, mode="clip")  # inside anyway, and quicker than to look whether it is
+        # Inside already, and clipping is quicker than looking whether it is. A place that is NaN gives NaN.
+        part = self._slopes.take(index, axis=0, mode="clip")
         part *= (place - index)[:, None]
         part += self._values.take(index, axis=0, mode="clip")
         return part.reshape(len(at), *self._shape)

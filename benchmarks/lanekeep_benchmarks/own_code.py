@@ -5,13 +5,14 @@ It is imported, and so run, for that person alone: neither a suite's file nor a 
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.util
 import inspect
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -134,12 +135,27 @@ def sha256_of(factory: Any) -> str | None:
 
 
 def files_of(factory: Any) -> list[Path]:
-    """The file of the code of a function, a class or an object's class; none where there is none.
+    """The files of the code of a function, a class or an object's class, and of what it wraps; none where one has none.
 
-    After it, where a person named it, what it imported from its own folder as it was imported itself.
+    After each, where a person named it, what it imported from its own folder as it was imported itself.
     """
+    files = [_files_of_one(thing) for thing in _wrapped(factory)]
+    return list(dict.fromkeys(file for those in files for file in those)) if all(files) else []
+
+
+def _wrapped(thing: Any) -> Iterator[Any]:
+    """A function or object, and what it wraps, outermost first: ``__wrapped__`` as `functools.wraps` sets it."""
+    while thing is not None:
+        if isinstance(thing, functools.partial):
+            thing = thing.func
+        else:
+            yield thing
+            thing = getattr(thing, "__wrapped__", None)
+
+
+def _files_of_one(thing: Any) -> list[Path]:
     try:
-        thing = factory if hasattr(factory, "__code__") else inspect.unwrap(_class_of(factory))
+        thing = thing if hasattr(thing, "__code__") else inspect.unwrap(_class_of(thing))
         file = inspect.getsourcefile(thing)
     except (TypeError, OSError):  # OSError: a class of a notebook or a console
         return []

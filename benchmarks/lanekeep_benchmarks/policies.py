@@ -7,12 +7,13 @@ import uuid
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import lanekeep_agents
 import lanekeep_baselines
 from lanekeep_agents.policy_file import LARGEST_RECORD
-from lanekeep_baselines.slip_limit import PREFIX, SlipLimited
+from lanekeep_baselines.declared import PREFIX
+from lanekeep_baselines.slip_limit import SlipLimited
 from lanekeep_benchmarks.own_code import FORMS, SOURCE, Checked, is_code, load_factory, sha256_of
 from lanekeep_env.checks import nearest, shown, shown_path
 from lanekeep_env.files import read_bounded
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 #: How the path of a learned policy's file ends.
 FILE = ".json"
+#: How the hash of what was handed over in Python ends: its name may be that of another policy.
+_HANDED_OVER = ", handed over"
 #: The folder of the learned policies that are shipped.
 ZOO = Path(lanekeep_agents.__path__[0], "zoo")
 
@@ -43,6 +46,12 @@ class Entry:
     given: Any = None
 
 
+class Limited(NamedTuple):
+    """What an entry with limited slips was made from, where that is an object: it travels wherever ``given`` does."""
+
+    given: Any
+
+
 def known_policies() -> tuple[str, ...]:
     """Return the names of all classical controllers, then of all shipped learned policies."""
     return *lanekeep_baselines.names(), *lanekeep_agents.names()
@@ -58,7 +67,7 @@ def check_policy(name: str) -> None:
 
     Code is not looked for: this is for names that stand in a file.
     """
-    name = name.removeprefix(PREFIX)
+    name = _behind_prefix(name)
     if name.endswith(FILE):
         try:
             found = Path(name).is_file()
@@ -72,6 +81,13 @@ def check_policy(name: str) -> None:
         )
     elif name not in known_policies():
         raise ValueError(_unknown(name))
+
+
+def _behind_prefix(name: str) -> str:
+    inner = name.removeprefix(PREFIX)
+    if inner.startswith(PREFIX):
+        raise ValueError(f"policy {shown(name)} is limited twice; allowed: {PREFIX} once")
+    return inner
 
 
 def _unknown(name: str, fitting: Callable[[], Sequence[str]] = lanekeep_baselines.names) -> str:
@@ -102,8 +118,7 @@ def entry_of(given: Any, code: bool = True, fitting: Callable[[], Sequence[str]]
     if not isinstance(given, str):
         return _handed_over(given)
     if given.startswith(PREFIX):
-        inner = entry_of(given.removeprefix(PREFIX), code, fitting)
-        return Entry(given, as_named(given, inner.make), inner.sha256, given)
+        return limited(entry_of(_behind_prefix(given), code, fitting))
     if code and is_code(given) and not given.endswith(FILE):
         return _own(given, load_factory(given), given)
     if code and given.endswith(SOURCE):
@@ -119,9 +134,11 @@ def entry_of(given: Any, code: bool = True, fitting: Callable[[], Sequence[str]]
     return Entry(given, lambda scenario: make_policy(given, scenario), policy_digest(given), given)
 
 
-def as_named(name: str, make: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Return ``make``, or where ``name`` asks for it one whose policies' slips are limited."""
-    return (lambda scenario: SlipLimited(make(scenario), scenario)) if name.startswith(PREFIX) else make
+def limited(entry: Entry) -> Entry:
+    """Return the entry of the same policy with its slips limited."""
+    given = PREFIX + entry.given if isinstance(entry.given, str) else Limited(entry.given)
+    name = PREFIX + entry.name
+    return Entry(name, lambda scenario: SlipLimited(entry.make(scenario), scenario), entry.sha256, given)
 
 
 def _handed_over(given: Any) -> Entry:
@@ -134,12 +151,20 @@ def _handed_over(given: Any) -> Entry:
         )
     name = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
     factory = (lambda scenario: given) if drives else given
-    return replace(_own(str(name), factory, given), sha256=_code_of(given))
+    return replace(_own(str(name), factory, given), sha256=_code_of(given) + _HANDED_OVER)
 
 
 def rebuilt(name: str, given: Any) -> Entry:
     """Return an entry again, in another process, from its ``name`` and what it was ``given``."""
+    if isinstance(given, Limited):
+        return limited(rebuilt(name.removeprefix(PREFIX), given.given))
     return entry_of(given) if isinstance(given, str) else replace(_handed_over(given), name=name)
+
+
+def handed_over(name: str, sha256: str | None) -> bool:
+    """Tell whether no command can make a run's policy again: it came from Python, or was registered there."""
+    ours = is_known(name) or is_code(name) or name.endswith(FILE)
+    return not ours or (sha256 is not None and sha256.endswith(_HANDED_OVER))
 
 
 def _own(name: str, factory: Callable[[Any], Any], given: Any) -> Entry:
@@ -174,8 +199,6 @@ def make_policy(name: str, scenario: Any) -> Policy:
         ValueError, OSError, ImportError: unknown, not for this scenario, broken, or without a package that it needs.
     """
     check_policy(name)
-    if name.startswith(PREFIX):
-        return SlipLimited(make_policy(name.removeprefix(PREFIX), scenario), scenario)
     if name in lanekeep_baselines.names():
         return lanekeep_baselines.make(name, scenario)
     return lanekeep_agents.load(name, scenario)

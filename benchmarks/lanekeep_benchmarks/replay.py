@@ -9,8 +9,7 @@ import gymnasium as gym
 
 from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.made import make_definitions
-from lanekeep_benchmarks.own_code import is_code
-from lanekeep_benchmarks.policies import FILE, Entry, entry_of, is_known
+from lanekeep_benchmarks.policies import Entry, entry_of, handed_over
 from lanekeep_benchmarks.results import EPISODES, LARGEST_LINES, read_lines
 from lanekeep_benchmarks.run_record import RUN, AnotherRun, RunRecord
 from lanekeep_benchmarks.suites import Suite, SuiteScenario, find_suite, road_suite
@@ -70,7 +69,7 @@ def find_line(folder: Path, episode: int, scenario: str | None, policy: str | No
             f"scenario {name} is not the one of the run: its hash is {now}, the line says {shown(line.scenario_hash)}; "
             "restore the file of its suite, road or world as it was when the run began"
         )
-    if label in record.policy_sha256 and not is_known(label) and not (is_code(label) or label.endswith(FILE)):
+    if label in record.policy_sha256 and handed_over(label, record.policy_sha256.get(label)):
         raise ValueError(
             f"policy {shown(label)} was handed over in Python, so that no command can make it again; "
             "name it in the run as module:factory or path/to/file.py:factory"

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
+import numpy as np
+
 from lanekeep_env.compile import inline
 from lanekeep_env.physics.numeric import arctan, like, sin_cos
 
 #: Shape factor C of the magic formula for lateral force; 1.3 to 1.6 in the literature (W08 digest: 1.5).
 MAGIC_FORMULA_SHAPE = 1.5
+#: C tan(pi / 2C): a linear tyre's force over the peak, at the slip where the magic formula has its peak.
+LINEAR_AT_PEAK = MAGIC_FORMULA_SHAPE * math.tan(math.pi / (2.0 * MAGIC_FORMULA_SHAPE))
 
 
 @inline
@@ -25,3 +32,8 @@ def magic_formula(slip, stiffness, peak):
     shape = like(slip, MAGIC_FORMULA_SHAPE)
     sine, _ = sin_cos(shape * arctan(stiffness * slip / (shape * peak)))
     return peak * sine
+
+
+def slip_at(force: Any, stiffness: Any, peak: Any) -> Any:
+    """The slip, rad, up to that of the peak, at which `magic_formula` gives ``force``: its inverse, for arrays."""
+    return MAGIC_FORMULA_SHAPE * peak / stiffness * np.tan(np.arcsin(force / peak) / MAGIC_FORMULA_SHAPE)

@@ -13,8 +13,9 @@ import lanekeep_baselines
 from lanekeep_agents.teacher import Teacher
 from lanekeep_baselines import OneByOne
 from lanekeep_baselines.slip_limit import SlipLimited
+from lanekeep_env import EvasiveScenario
 from lanekeep_env.physics.parameters import GRAVITY
-from lanekeep_env.physics.tyres import magic_formula
+from lanekeep_env.physics.tyres import LINEAR_AT_PEAK, magic_formula, slip_at
 from lanekeep_env.scenario import LaneKeepScenario
 
 ID = "lanekeep/LaneKeep-v0"
@@ -25,10 +26,12 @@ class Lock:
     """Steers as far as the car can, from the first step on."""
 
     name = "lock"
+    deterministic = True
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Any, None]:
+        self.deterministic = deterministic
         return np.ones((len(observation), 1), dtype=np.float32), None
 
 
@@ -40,10 +43,10 @@ def peak(stiffness: float, force: float) -> float:
     return float(found.x)
 
 
-def rear_slip(limit: bool, speed: float, tyres: dict[str, Any]) -> float:
+def rear_slip(limit: bool, speed: float, keywords: dict[str, Any]) -> float:
     """The largest true slip of the rear axle that full lock leads to within 3 s, over that of its peak."""
     road = {"kind": "straight", "length": 8000.0}
-    cars = Teacher(ID, 1, **CURVES, **tyres, road=road, speed=speed, dtype="float64")
+    cars = Teacher(ID, 1, **{**CURVES, **keywords}, road=road, speed=speed, dtype="float64")
     seen, state, most = cars.reset([3], {"lateral_error": 0.0, "heading_error": 0.0}), None, 0.0
     car = {name: float(values[0]) for name, values in cars.hidden.items()}
     policy: Any = SlipLimited(Lock(), cars.scenario) if limit else Lock()
@@ -55,12 +58,37 @@ def rear_slip(limit: bool, speed: float, tyres: dict[str, Any]) -> float:
     return most / peak(car["rear_cornering_stiffness"], car["rear_peak"])
 
 
+@pytest.mark.parametrize("action", ["steering_angle", "steering_rate"])
 @pytest.mark.parametrize("tyres", [{"friction": 0.45}, {"friction": 0.8}, {"randomisation": {"friction": 0.45}}])
 @pytest.mark.parametrize("speed", [30.0, 40.0])
-def test_full_lock_spins_the_car_and_with_the_limit_does_not(speed: float, tyres: dict[str, Any]) -> None:
+def test_full_lock_spins_the_car_and_with_the_limit_does_not(speed: float, tyres: dict[str, Any], action: str) -> None:
     """The actuator's lag takes slips beyond the peak for a moment, and friction must be found out first."""
-    assert rear_slip(False, speed, tyres) > 2.5
-    assert rear_slip(True, speed, tyres) < 2.0
+    keywords = {**tyres, "action": action}
+    assert rear_slip(False, speed, keywords) > 2.5
+    assert rear_slip(True, speed, keywords) < 2.0
+
+
+def test_static_loads_do_where_loads_shift() -> None:
+    keywords = {"tyre": "load_sensitive", "randomisation": {"friction": 0.45}}
+    assert rear_slip(False, 30.0, keywords) > 2.5
+    assert rear_slip(True, 30.0, keywords) < 2.0
+
+
+def test_whether_actions_are_drawn_is_told_to_the_policy() -> None:
+    lock, scenario = Lock(), LaneKeepScenario(**CURVES)
+    SlipLimited(lock, scenario).predict(np.zeros((1, len(scenario.channels))), deterministic=False)
+    assert not lock.deterministic
+
+
+@pytest.mark.parametrize("share", [-1.0, -0.4, 0.0, 0.7, 1.0])
+def test_slip_at_is_the_inverse_of_the_tyre(share: float) -> None:
+    """Driven into the law itself; at the peak it is where a search finds it."""
+    tyre: Any = magic_formula
+    stiffness, most = 120000.0, 5000.0
+    slip = slip_at(share * most, stiffness, most)
+    assert tyre(slip, stiffness, most) == pytest.approx(share * most, abs=1e-6 * most)
+    assert abs(slip) <= LINEAR_AT_PEAK * most / stiffness * (1.0 + 1e-12)
+    assert peak(stiffness, most) == pytest.approx(LINEAR_AT_PEAK * most / stiffness, rel=1e-4)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -167,3 +195,6 @@ def test_a_policy_of_objects_is_limited_too() -> None:
 def test_what_has_no_peak_is_refused_in_one_line() -> None:
     with pytest.raises(ValueError, match=r"^policy 'slip-limited' needs tyres that saturate: make the"):
         SlipLimited(Lock(), LaneKeepScenario(preview=20))
+    # Its default tyre saturates, and a car that rolls without slip has none.
+    with pytest.raises(ValueError, match=r"^policy 'slip-limited' needs tyres .* dynamics='kinematic' has none$"):
+        SlipLimited(Lock(), EvasiveScenario(dynamics="kinematic"))

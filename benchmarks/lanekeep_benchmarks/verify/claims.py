@@ -10,12 +10,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from lanekeep_baselines.slip_limit import PREFIX
+from lanekeep_baselines.declared import PREFIX
 from lanekeep_benchmarks.bound_table import with_bounds
 from lanekeep_benchmarks.lines import EpisodeResult, Place
-from lanekeep_benchmarks.own_code import Checked, is_code
+from lanekeep_benchmarks.own_code import Checked
 from lanekeep_benchmarks.plan import Plan, make_plan
-from lanekeep_benchmarks.policies import FILE, Entry, as_named, entry_of, is_known
+from lanekeep_benchmarks.policies import FILE, Entry, entry_of, handed_over, is_known, limited
 from lanekeep_benchmarks.replay import record_in, suite_of
 from lanekeep_benchmarks.report import failures, markdown
 from lanekeep_benchmarks.results import EPISODES, LARGEST_LINES, SUMMARY, TABLE, read_lines
@@ -71,6 +71,8 @@ def read_claims(folder: Path, named: Sequence[str]) -> Claims:
     left_out: dict[str, str] = {}
     for name in record.policies:
         try:
+            if handed_over(name, record.policy_sha256.get(name)):
+                raise ValueError("handed over in Python, so that no command can make it again")
             entry = _entry(name, name in named, apart)
             if entry.sha256 != record.policy_sha256.get(name):
                 raise ValueError("its file is not the one of the run")
@@ -96,14 +98,13 @@ def _entry(name: str, named: bool, apart: list[Apart]) -> Entry:
     """The entry of a policy as a record names it: shipped, the file of a learned one, or code that a person named."""
     if is_known(name) or name.endswith(FILE):
         return entry_of(name, code=False)
-    if not is_code(name):
-        raise ValueError("handed over in Python, so that no command can make it again")
     if not named:
         raise ValueError(f"own code, which is run only where you name it: --policies {name}")
     own = name.removeprefix(PREFIX)
     one = Apart(own)
     apart.append(one)
-    return Entry(name, as_named(name, lambda scenario: Checked(own, one.make, scenario)), one.sha256(), name)
+    entry = Entry(own, lambda scenario: Checked(own, one.make, scenario), one.sha256(), own)
+    return limited(entry) if name.startswith(PREFIX) else entry
 
 
 def _foreign(record: RunRecord, plan: Plan) -> list[str]:
