@@ -66,6 +66,20 @@ def test_python_runs_from_top_to_bottom(page, files):
             exec(compile(text, page.name, "exec"), scope)
 
 
+def suites():
+    for page in [*PAGES, *ROOT.glob("*/README.md")]:
+        for language, text in blocks(page):
+            if language == "toml" and "[[scenario]]" in text:
+                yield pytest.param(text, id=f"{page.parent.name}/{page.name}")
+
+
+@pytest.mark.parametrize("text", [*suites()])
+def test_a_suite_is_read_and_its_policies_can_drive_it(text, tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    assert make_plan(str(file), None, None, None, 0).total > 0
+
+
 def commands():
     for page in [*PAGES, *ROOT.glob("*/README.md")]:
         for language, text in blocks(page):
