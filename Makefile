@@ -60,12 +60,12 @@ tables:
 	$(PYTHON) docs/tables.py README.md docs/benchmark.md
 	$(PYTHON) docs/scores.py docs/scores.json
 
-# The notebooks of docs/notebooks with their output, into build/notebooks; needs the extra docs.
+# The notebooks of docs/notebooks with their output; needs the extra docs.
 notebooks:
 	$(PYTHON) docs/run_notebooks.py build/notebooks
 
-# The site, into build/site, to read from disk; needs the extra docs. Notebooks that have changed are run; make notebooks
-# runs all. (The variable: Material's word on MkDocs 2.)
+# The site, into build/site, to read from disk; needs the extra docs. Notebooks are run that are older than
+# themselves or the packages; make notebooks runs all. (The variable: Material's word on MkDocs 2.)
 docs:
 	$(PYTHON) docs/build_site.py build/docs
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet --config-file build/docs/mkdocs.yml

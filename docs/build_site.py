@@ -168,10 +168,10 @@ def _said(name: str) -> str:
     return reference.first_sentence(re.sub(rf"^`{name}`[:,]? *", "", text))
 
 
-def write_notebooks(pages: Path) -> None:
-    """Write the notebooks with their output."""
+def write_notebooks(pages: Path, executed: Path) -> None:
+    """Write the notebooks with their output, which is kept in the folder ``executed``."""
     for name in run_notebooks.SOURCES:
-        text, pictures = run_notebooks.page(name)
+        text, pictures = run_notebooks.page(name, executed)
         for file, content in {f"{name}.md": text.encode(), **pictures}.items():
             (pages / "notebooks" / file).parent.mkdir(parents=True, exist_ok=True)
             (pages / "notebooks" / file).write_bytes(content)
@@ -184,8 +184,11 @@ def write_results(pages: Path) -> None:
         file.unlink()
 
 
-def write(folder: Path, with_pictures: bool = True) -> None:
-    """Write pages, pictures and the configuration into ``folder``, anew; drives are ``with_pictures`` alone."""
+def write(folder: Path, with_drives: bool = True) -> None:
+    """Write pages, pictures and the configuration into ``folder``, anew; ``with_drives``: what has to be driven, too.
+
+    Notebooks with their output are kept in ``notebooks`` beside the folder, where `make notebooks` writes them.
+    """
     pages, pictures = folder / "pages", set[Path]()
     shutil.rmtree(folder, ignore_errors=True)
     texts = {there: linked(page, places(), pictures) for page, there in sources().items()} | made()
@@ -196,10 +199,10 @@ def write(folder: Path, with_pictures: bool = True) -> None:
     (pages / "pictures").mkdir()
     for file in pictures:
         shutil.copy(file, pages / "pictures")
-    if with_pictures:
-        write_notebooks(pages)
+    if with_drives:
+        write_notebooks(pages, folder.parent / "notebooks")
         write_results(pages)
-    for env_id in lanekeep_env.ENVIRONMENTS if with_pictures else ():
+    for env_id in lanekeep_env.ENVIRONMENTS if with_drives else ():
         (pages / "pictures" / f"{reference.short(env_id)}.png").write_bytes(reference.picture(env_id))
     (folder / "mkdocs.yml").write_text(json.dumps(configuration(folder.resolve()), indent=1))
 

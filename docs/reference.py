@@ -109,6 +109,8 @@ def environment(env_id: str) -> str:
 
 def scores(env_id: str) -> str:
     """The table of an environment's scores, the largest return first, and where they are from."""
+    if env_id not in SCORES["environments"]:
+        return f"Not measured: no scenario of `{SCORES['suite']}` is of this environment."
     measured = SCORES["environments"][env_id]
     policies = measured["policies"]
     keys = list(next(iter(policies.values())))

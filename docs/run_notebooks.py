@@ -1,4 +1,4 @@
-"""Run the notebooks: python docs/run_notebooks.py build/notebooks
+"""Run the notebooks: python docs/run_notebooks.py FOLDER
 
 Their sources are Python in percent format, which Jupyter opens by jupytext and which hold no output; what is written
 are notebooks with it, which the site shows.
@@ -10,13 +10,18 @@ import os
 import re
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 
+import lanekeep_agents
+import lanekeep_baselines
+import lanekeep_benchmarks
+import lanekeep_env
 from lanekeep_env.files import write_atomic
 
 SOURCES = {file.stem: file for file in sorted((Path(__file__).parent / "notebooks").glob("*.py"))}
-#: Where notebooks are with their output, and what they write themselves.
-EXECUTED = Path(__file__).resolve().parents[1] / "build" / "notebooks"
+#: What their output depends on beside their text.
+PACKAGES = (lanekeep_env, lanekeep_baselines, lanekeep_agents, lanekeep_benchmarks)
 #: Pictures between the lines, also where the reader's own are not shown.
 _INLINE = {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
 #: Of a cell, s.
@@ -26,7 +31,7 @@ _LOOKS = re.compile(r'<style scoped>.*?</style>\n| border="1" class="dataframe"|
 
 
 def run(name: str, folder: Path) -> Path:
-    """Run a notebook in a folder of its own; return the file with its output."""
+    """Run a notebook in a folder of its own below ``folder``; return the file with its output."""
     import jupytext
     import nbformat
     from nbclient import NotebookClient
@@ -44,19 +49,26 @@ def run(name: str, folder: Path) -> Path:
     return folder / f"{name}.ipynb"
 
 
-def executed(name: str, folder: Path = EXECUTED) -> Path:
-    """A notebook with its output, which is run where that is missing or older than the source."""
+@cache
+def changed() -> float:
+    """When a source of the packages was last changed."""
+    files = (file for package in PACKAGES for file in Path(package.__path__[0]).rglob("*.py"))
+    return max(file.stat().st_mtime for file in files)
+
+
+def executed(name: str, folder: Path) -> Path:
+    """A notebook with its output, which is run where that is missing, or older than its source or the packages."""
     file = folder / f"{name}.ipynb"
-    there = file.exists() and file.stat().st_mtime >= SOURCES[name].stat().st_mtime
+    there = file.exists() and file.stat().st_mtime >= max(SOURCES[name].stat().st_mtime, changed())
     return file if there else run(name, folder)
 
 
-def page(name: str) -> tuple[str, dict[str, bytes]]:
+def page(name: str, folder: Path) -> tuple[str, dict[str, bytes]]:
     """A notebook with its output as Markdown, and its pictures by their place beside it."""
     import nbformat
     from nbconvert import MarkdownExporter
 
-    notebook = nbformat.read(executed(name), as_version=4)
+    notebook = nbformat.read(executed(name, folder), as_version=4)
     resources = {"unique_key": name, "output_files_dir": name}
     text, found = MarkdownExporter().from_notebook_node(notebook, resources)
     return _LOOKS.sub("", text), found["outputs"]

@@ -16,7 +16,6 @@ import lanekeep_baselines
 import lanekeep_env  # noqa: F401
 from lanekeep_benchmarks.policies import Entry
 from lanekeep_benchmarks.replay import Replay
-from lanekeep_env import layout as at
 from lanekeep_env.checks import require
 from lanekeep_env.files import write_atomic
 
@@ -163,7 +162,7 @@ def play(drive: Drive, seconds: float | None, see: Callable[[np.ndarray], None] 
         departed,
         info.get("lap_time", 0.0),
         mishap,
-        getattr(scenario, "task", None) == at.PARKING,
+        getattr(scenario, "ends_parked", False),
     )
 
 

@@ -74,8 +74,9 @@ for name, value in found.residual_correlation.items():
 # %% [markdown]
 # ## What it is good for
 #
-# Coefficients are ratios, so one mass sets the scale, and no gain depends on it. The same controller, designed on three
-# cars, drives the true one through 64 episodes:
+# Coefficients are ratios, so one mass sets the scale, and no gain depends on it. What else a car has (ratio and limits
+# of the steering, its size) is the data sheet's. The same controller, designed on three cars, drives the true one
+# through 64 episodes:
 
 # %%
 envs = gym.make_vec(
@@ -87,8 +88,9 @@ envs = gym.make_vec(
     departure="cost",
 )
 scenario = envs.unwrapped.scenario
-measured = vehicle_from_identification(found, mass=1500.0, base=scenario.vehicle)
-designs = {"the data sheet's car": "yin", "the identified car": measured, "the true car": scenario.vehicle}
+sheet = lanekeep_env.LaneKeepScenario(vehicle="yin").vehicle
+measured = vehicle_from_identification(found, mass=1500.0, base=sheet)
+designs = {"the data sheet's car": sheet, "the identified car": measured, "the true car": scenario.vehicle}
 
 
 def errors(vehicle):

@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 import lanekeep_benchmarks
+import lanekeep_env
 from lanekeep_baselines import SteeringPolicy
 
 # %% [markdown]
@@ -58,6 +59,7 @@ table(summary)
 
 # %%
 results, steps = lanekeep_benchmarks.read("first")
+default = lanekeep_env.LaneKeepScenario()  # control step and lane are what the suite's roads have, too
 
 
 def worst(results, steps, policy, count=3):
@@ -72,10 +74,10 @@ def draw(drives):
     """Lateral error, and below it the curvature of the road at the car, over time."""
     figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(9, 5), layout="constrained")
     for episode, drive in drives.items():
-        seconds = 0.05 * drive["step"]
+        seconds = default.control_step * drive["step"]
         above.plot(seconds, drive["lateral_error"], label=f"episode {episode}")
         below.plot(seconds, drive["observed.curvature_preview_0"])
-    above.axhspan(-1.75, 1.75, color="0.5", alpha=0.15, label="the lane")
+    above.axhspan(-default.lane_width / 2, default.lane_width / 2, color="0.5", alpha=0.15, label="the lane")
     above.set(ylabel="lateral error [m]", ylim=(-4, 4))
     above.legend(loc="upper right")
     below.set(xlabel="time [s]", ylabel="curvature [1/m]")

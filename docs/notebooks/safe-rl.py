@@ -137,7 +137,7 @@ seconds = scenario.control_step * np.arange(scenario.episode_steps)
 for row, label in enumerate(candidates):
     above.plot(seconds, lateral[:, row * EPISODES], label=label)
     below.plot(seconds, np.degrees(angle[:, row * EPISODES]))
-above.axhspan(-1.75, 1.75, color="0.5", alpha=0.15)
+above.axhspan(-scenario.lane_width / 2, scenario.lane_width / 2, color="0.5", alpha=0.15)
 above.set(ylabel="lateral error [m]", ylim=(-4, 4))
 above.legend(loc="upper right")
 below.set(xlabel="time [s]", ylabel="road wheel [°]")

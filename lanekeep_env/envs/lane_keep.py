@@ -48,7 +48,7 @@ class LaneKeepEnv(RoadEnv, gym.Env):
     Minus the running cost min(cap, (d / 0.5 m)² + w (steering rate / reference)²) times the control
     step, with w = 1, reference = 0.1 rad/s of the road wheel (at a steering ratio of 16 a brisk 92°/s of
     the steering wheel) and cap = 16 per second (a lane's edge costs 12.25). A departure charges the cap
-    for the rest of `episode_steps`, so leaving the lane is worse than any drive inside it.
+    for the rest of `episode_steps`, so no drive inside the lane is worse than leaving it.
 
     ## Starting State
 

@@ -69,7 +69,7 @@ class CourseScenario(CircuitScenario):
             Need(name, "of a parked car", "no mode is 'park'", lambda s: s.parks)
             for name in ("kerb_distance", "parking_angle", "parking_time")
         ),
-        Need("laps", "after which an episode is done", "the last mode is 'park'", lambda s: s.modes[-1][1] != "park"),
+        Need("laps", "after which an episode is done", "the last mode is 'park'", lambda s: not s.ends_parked),
     )
 
     def _check(self) -> None:
@@ -84,9 +84,14 @@ class CourseScenario(CircuitScenario):
         return any(name == "park" for _, name in self.modes)
 
     @property
+    def ends_parked(self) -> bool:
+        """Whether the last mode, which decides about success, is to park."""
+        return self.modes[-1][1] == "park"
+
+    @property
     def task(self) -> int:  # type: ignore[override]
         """What decides about success: that of the last mode."""
-        return at.PARKING if self.modes[-1][1] == "park" else at.CIRCUIT
+        return at.PARKING if self.ends_parked else at.CIRCUIT
 
     @property
     def parking_steps(self) -> int:
@@ -95,7 +100,7 @@ class CourseScenario(CircuitScenario):
 
     def numbers(self) -> dict[int, Any]:
         """The kernel's settings by row of `layout`."""
-        laps = self.parking_steps if self.task == at.PARKING else self.laps
+        laps = self.parking_steps if self.ends_parked else self.laps
         return {**super().numbers(), at.LAPS: laps}
 
     def course_numbers(self) -> np.ndarray:

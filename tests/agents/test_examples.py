@@ -28,12 +28,20 @@ class Briefly(random_search.Corrected):
         super().__init__(*others, {**keywords, "episode_steps": 100})
 
 
-@pytest.mark.parametrize("brief", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["brief", "as it is"])
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda file: file.stem)
-def test_an_example_trains_saves_and_drives(example, brief, tmp_path, monkeypatch, capsys):
+def test_an_example_trains_saves_and_drives(example, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(random_search, "Corrected", Briefly)
+    check(example, tmp_path, monkeypatch, capsys)
+
+
+@pytest.mark.slow
+def test_the_search_trains_saves_and_drives_as_it_is(tmp_path, monkeypatch, capsys):
+    (search,) = (file for file in EXAMPLES if file.stem == "ars")
+    check(search, tmp_path, monkeypatch, capsys)
+
+
+def check(example, tmp_path, monkeypatch, capsys):
     torch.set_num_threads(1)
-    if brief:
-        monkeypatch.setattr(random_search, "Corrected", Briefly)
     entry_point = example.stem == "td3"
     out = tmp_path / ("run" if entry_point else "policy.json")
     monkeypatch.setattr("sys.argv", [str(example), "--steps", "2000", "--out", str(out)])

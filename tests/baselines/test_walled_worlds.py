@@ -31,7 +31,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "ticks": {"encoder_ticks": 40},
     "offset": {"steering_offset": (-math.radians(3), math.radians(3))},
 }
-#: Why windows are still touched, a world in seven (of 37 drawn ones and three kinds of sensors: 16 of 111 contacts).
+#: Why windows are still touched: in 16 of 111 training worlds (37 drawn from seed 32000 on, three kinds of sensors).
 GLASS = (
     "side windows look like openings until the front cone hears them at an angle, and nearer than the camera sees the "
     "car takes what the front cone hears for a wall that was shown before, and does not slow down for it"
@@ -112,6 +112,7 @@ def endings_of(kinds: dict[str, int], first: int) -> Counter[str]:
 def test_a_thousand_worlds_without_glass() -> None:
     found = endings_of({"any": 53, "ell": 36, "slalom": 36}, 810103)
     assert found["contact"] < 0.01 * found.total()
+    assert found["lap"] >= 0.99 * found.total()
 
 
 @pytest.mark.slow

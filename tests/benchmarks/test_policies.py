@@ -219,11 +219,11 @@ def test_a_residual_policy_that_corrects_nothing_drives_as_its_base(tmp_path, mo
     assert len(stanley) == 8 and residual == stanley
 
 
-def test_the_classical_benchmark_imports_no_trainer():
+def test_the_classical_benchmark_starts_without_trainers_and_matplotlib():
     code = (
         "import sys, lanekeep_benchmarks.runs as b, lanekeep_benchmarks.cli;"
         "b.make_plan('classical', ('pd', 'stanley'), None, 1, 0);"
-        "print(sorted({'torch', 'stable_baselines3', 'safetensors'} & set(sys.modules)))"
+        "print(sorted({'torch', 'stable_baselines3', 'safetensors', 'matplotlib'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -55,9 +55,23 @@ def test_their_links_lead_to_pages_of_the_site():
             assert os.path.normpath(f"notebooks/{target}") in there, target
 
 
+def test_it_is_run_anew_where_it_or_the_packages_have_changed(tmp_path, monkeypatch):
+    ran = []
+    monkeypatch.setattr(run_notebooks, "run", lambda *given: ran.append(given))
+    name, file = NAMES[0], tmp_path / f"{NAMES[0]}.ipynb"
+    newest = max(run_notebooks.changed(), run_notebooks.SOURCES[name].stat().st_mtime)
+    run_notebooks.executed(name, tmp_path)
+    file.touch()
+    for seconds in (-1.0, 1.0):
+        os.utime(file, 2 * (newest + seconds,))
+        run_notebooks.executed(name, tmp_path)
+    assert ran == 2 * [(name, tmp_path)]  # missing, older; the newer one is kept
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_it_runs(name, tmp_path):
+    """As a script, without the extra "docs"; with output they are run where the site is built (test_site)."""
     command = [sys.executable, "-W", "ignore:FigureCanvasAgg", run_notebooks.SOURCES[name]]
     packages = os.pathsep.join(filter(None, sys.path))
     environment = {**os.environ, "MPLBACKEND": "Agg", "PYTHONPATH": packages}

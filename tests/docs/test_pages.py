@@ -18,7 +18,7 @@ from lanekeep_benchmarks.cli import app
 from lanekeep_benchmarks.evaluate import evaluate
 from lanekeep_benchmarks.plan import make_plan
 from lanekeep_benchmarks.policies import entry_of
-from lanekeep_benchmarks.suites import SUITES
+from lanekeep_benchmarks.suites import SUITES, find_suite
 
 ROOT = Path(__file__).parents[2]
 OWN_TESTS = {"control-engineers.md", "highway-env.md"}
@@ -64,6 +64,21 @@ def test_python_runs_from_top_to_bottom(page, files):
     for language, text in blocks(page):
         if language == "python":
             exec(compile(text, page.name, "exec"), scope)
+
+
+def suites():
+    for page in [*PAGES, *ROOT.glob("*/README.md")]:
+        for language, text in blocks(page):
+            if language == "toml" and "[[scenario]]" in text:
+                yield pytest.param(text, id=f"{page.parent.name}/{page.name}")
+
+
+@pytest.mark.parametrize("text", [*suites()])
+def test_a_suite_is_read_and_its_policies_can_drive_it(text, tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    listed = find_suite(str(file)).policies or ("stanley",)  # all that are shipped would take seconds
+    assert make_plan(str(file), listed, None, None, 0).total > 0
 
 
 def commands():

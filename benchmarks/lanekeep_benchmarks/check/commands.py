@@ -106,7 +106,7 @@ def vehicle_check(
         bends = None if out is None and speed is None else bends_of(car, speed, friction)
         report = check_vehicle(car, bends)
         if out is not None and bends is not None:
-            from lanekeep_benchmarks.check.bends_plot import draw_bends  # Matplotlib: half of every command's start
+            from lanekeep_benchmarks.check.bends_plot import draw_bends  # Matplotlib: a third of a command's start
 
             write_atomic(out, draw_bends(bends))
     _print(report, out, as_json)

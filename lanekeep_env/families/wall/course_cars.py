@@ -50,7 +50,7 @@ class CourseCars(WallCars):
     def pose(self, column: int) -> WallPose:
         """Where the car of a column is, what it is to do and what it has done, for pictures."""
         block, i = divmod(column, self.cars.shape[2])
-        done = "parked" if self.scenario.task == at.PARKING else "lap"
+        done = "parked" if self.scenario.ends_parked else "lap"
         return replace(super().pose(column), mode=_SHOWN[int(self.cars[block, at.MODE, i])], done=done)
 
     def _check_course(self) -> None:
