@@ -90,7 +90,8 @@ def policy_of(policy: Any, scenario: Any, speed: float) -> tuple[System, tuple[s
     states is its own last command: what the channel ``steering_command`` shows, and where a rate goes on from.
 
     Raises:
-        ValueError: the policy reads channels that straight driving does not have, or is not smooth there.
+        ValueError: the policy reads channels that straight driving does not have, is not smooth there, or remembers
+            what is not numbers.
     """
     names = [channel.name for channel in scenario.channels]
     for name in names:
@@ -153,8 +154,15 @@ class _Told:
             command = np.asarray(action, dtype=np.float64)[:, 0] * self._scale
             if self._rate:
                 command = command + rows[:, self._names.index(_COMMAND)]
-        kept = np.zeros((n, 0)) if following is None else np.asarray(following, dtype=np.float64).reshape(n, -1)
-        return np.asarray(command, dtype=np.float64), kept
+        return np.asarray(command, dtype=np.float64), self._remembered(following, n)
+
+    def _remembered(self, following: Any, n: int) -> Floats:
+        """Return what a policy remembers as numbers, (n, memory)."""
+        if following is None:
+            return np.zeros((n, 0))
+        if not isinstance(following, np.ndarray) or following.dtype.kind not in "fiub":
+            raise ValueError(f"policy {called(self._policy)!r} remembers objects, not numbers: there is no linear loop")
+        return following.astype(np.float64).reshape(n, -1)
 
     def settled(self, straight: Floats) -> Floats:
         """Return what the policy remembers after long straight driving, shape (memory,)."""

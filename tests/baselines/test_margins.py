@@ -16,6 +16,7 @@ import lanekeep_baselines
 import lanekeep_env  # noqa: F401  (registers the environments)
 from lanekeep_baselines import lq
 from lanekeep_baselines.margins import Margins, margins
+from lanekeep_baselines.slip_limit import SlipLimited
 from lanekeep_env.physics.vehicles import VEHICLES
 from lanekeep_env.scenario import LaneKeepScenario
 
@@ -24,6 +25,13 @@ STEP = 0.05
 
 def scenario_of(**keywords: Any) -> LaneKeepScenario:
     return LaneKeepScenario(preview=20, **keywords)
+
+
+class Idle:
+    """A user's controller of one car."""
+
+    def act(self, observation: Any) -> float:
+        return 0.0
 
 
 class Feedback:
@@ -276,3 +284,7 @@ def test_what_has_no_linear_loop_is_refused_by_name() -> None:
         margins(Switching(scenario, 0.1, 1.0, 0.0), scenario, 10.0)
     with pytest.raises(ValueError, match="reads nothing"):
         margins(Feedback(scenario, 0.0, 0.0, 0.0), scenario, 10.0)
+    saturating = scenario_of(tyre="magic_formula")
+    for one in (lanekeep_baselines.OneByOne(Idle), SlipLimited(lanekeep_baselines.make("pd", saturating), saturating)):
+        with pytest.raises(ValueError, match="remembers objects"):
+            margins(one, saturating, 10.0)
