@@ -103,7 +103,8 @@ def lines_of(out):
     return [json.loads(line) for line in (out / EPISODES).read_text().splitlines()]
 
 
-def test_an_honest_run_holds_and_both_scores_are_told(honest, capsys):
+def test_an_honest_run_holds_and_both_scores_are_told(honest, capsys, monkeypatch):
+    monkeypatch.setattr(again, "LEAST", 1)  # of many episodes a tenth
     code, found = verified(capsys, "out")
     assert code == 0 and found["holds"] and not found["faults"] and not found["left_out"]
     assert found["driven_again"] == 1 and found["lines"] == 8
@@ -152,8 +153,7 @@ def _is_shorter(line):
     ],
 )
 def test_an_edited_line_is_found_where_it_is_drawn(change, words, honest, capsys, monkeypatch):
-    """With every episode drawn."""
-    monkeypatch.setattr(again, "SHARE", 1.0)
+    """Of so few episodes every one is drawn."""
     monkeypatch.setattr(fresh, "EPISODES", 2)
     lines = lines_of(honest)
     change(lines[0])
@@ -204,7 +204,6 @@ def test_a_look_up_entrant_runs_where_it_is_named_and_is_found_by_fresh_episodes
     code, found = verified(capsys, "out")
     assert code == 0 and "--policies look_up.py:LookUp" in found["left_out"]["look_up.py:LookUp"]
     assert {score["policy"] for score in found["scores"]} == {"stanley"} and not (there / "ran").exists()
-    monkeypatch.setattr(again, "SHARE", 1.0)
     code, found = verified(capsys, "out", "--policies", "look_up.py:LookUp")
     assert code == 1 and not found["left_out"] and (there / "ran").exists()
     assert (found["driven_again"], found["differ"]) == (8, 0)
@@ -221,7 +220,6 @@ def test_an_entrant_that_patches_who_measures_it_is_found(there, capfd, monkeypa
     bench = ["bench", "short.toml", "--policies", "stanley,tampers.py:Tampers", "--out", "out"]
     subprocess.run([sys.executable, "-m", "lanekeep_benchmarks", *bench], check=True, capture_output=True)
     assert all(line["metrics"]["return"] == 0.0 for line in lines_of(there / "out"))
-    monkeypatch.setattr(again, "SHARE", 1.0)
     assert main(["verify", "out", "--policies", "tampers.py:Tampers"]) == 1
     text = capfd.readouterr().out
     assert "tampers.py:Tampers on slalom: 4 of 4 episodes driven again differ" in text and "8 differ" in text

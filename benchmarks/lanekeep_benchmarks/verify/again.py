@@ -14,6 +14,8 @@ from lanekeep_benchmarks.verify.claims import Claims, agree
 
 #: Of the episodes that can be driven, which are drawn when it is verified.
 SHARE = 0.1
+#: Drawn at least, where there are as many: one false line among few is found.
+LEAST = 64
 
 
 class Differs(NamedTuple):
@@ -36,10 +38,11 @@ class Again(NamedTuple):
 
 
 def drawn(claims: Claims) -> dict[tuple[str, str], list[int]]:
-    """Numbers of a random tenth of the episodes, at least one, by scenario and policy."""
+    """Numbers of a random tenth of the episodes, at least `LEAST`, by scenario and policy."""
     places = sorted(place for place in claims.lines if place[1] in claims.plan.drivers.get(place[0], ()))
     found: dict[tuple[str, str], list[int]] = {}
-    for scenario, policy, episode in sorted(secrets.SystemRandom().sample(places, math.ceil(SHARE * len(places)))):
+    count = min(len(places), max(LEAST, math.ceil(SHARE * len(places))))
+    for scenario, policy, episode in sorted(secrets.SystemRandom().sample(places, count)):
         found.setdefault((scenario, policy), []).append(episode)
     return found
 
