@@ -34,8 +34,8 @@ def verify(
 
     First the files: run.json fits the suite here, every episode has its line, summary.json and summary.md are what the
     lines give. Then a tenth of the episodes, at least 64, drawn now, is driven again: flags must be equal, metrics up
-    to 1e-6. Then 32 fresh episodes of each scenario, whose seed is drawn now: a policy that drives episodes it has seen,
-    and no others, is worse there than it claims; the level is 1 % for all comparisons together.
+    to 1e-6. Then 32 fresh episodes of each scenario, whose seed is drawn now: a policy that drives episodes it has
+    seen, and no others, is worse there than it claims; the level is 1 % for all comparisons together.
 
     Shipped policies and learned ones (.json) are driven as they are. Own code is run only where you name it, in a
     process of its own that sees observations and gives actions: what it changes in the simulator or the metrics there
