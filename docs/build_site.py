@@ -170,6 +170,7 @@ def _said(name: str) -> str:
 
 def write_notebooks(pages: Path, executed: Path) -> None:
     """Write the notebooks with their output, which is kept in the folder ``executed``."""
+    run_notebooks.all_of(run_notebooks.executed, executed)
     for name in run_notebooks.SOURCES:
         text, pictures = run_notebooks.page(name, executed)
         for file, content in {f"{name}.md": text.encode(), **pictures}.items():

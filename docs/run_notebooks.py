@@ -10,7 +10,10 @@ import os
 import re
 import sys
 import tempfile
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from itertools import repeat
 from pathlib import Path
 
 import lanekeep_agents
@@ -22,8 +25,12 @@ from lanekeep_env.files import write_atomic
 SOURCES = {file.stem: file for file in sorted((Path(__file__).parent / "notebooks").glob("*.py"))}
 #: What their output depends on beside their text.
 PACKAGES = (lanekeep_env, lanekeep_baselines, lanekeep_agents, lanekeep_benchmarks)
-#: Pictures between the lines, also where the reader's own are not shown.
-_INLINE = {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
+#: Pictures between the lines, also where the reader's own are not shown; a processor for each notebook.
+_KERNEL = {
+    "MPLBACKEND": "module://matplotlib_inline.backend_inline",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+}
 #: Of a cell, s.
 _LONGEST = 1200
 #: What pandas says of the looks of its tables; the site has its own.
@@ -44,7 +51,7 @@ def run(name: str, folder: Path) -> Path:
     with tempfile.TemporaryDirectory() as sockets:  # files, out of others' reach
         local = Config(KernelManager={"transport": "ipc", "ip": f"{sockets}/kernel"})
         client = NotebookClient(notebook, timeout=_LONGEST, kernel_name="python3", resources=where, config=local)
-        client.execute(env=os.environ | _INLINE)
+        client.execute(env=os.environ | _KERNEL)
     write_atomic(folder / f"{name}.ipynb", nbformat.writes(notebook))
     return folder / f"{name}.ipynb"
 
@@ -63,12 +70,18 @@ def executed(name: str, folder: Path) -> Path:
     return file if there else run(name, folder)
 
 
+def all_of(make: Callable[[str, Path], Path], folder: Path) -> list[Path]:
+    """What ``make``, `run` or `executed`, returns for each notebook, side by side on all processors."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # threads that wait: each notebook has a process of its own
+        return list(pool.map(make, SOURCES, repeat(folder)))
+
+
 def page(name: str, folder: Path) -> tuple[str, dict[str, bytes]]:
-    """A notebook with its output as Markdown, and its pictures by their place beside it."""
+    """A notebook with its output, from ``folder``, as Markdown, and its pictures by their place beside it."""
     import nbformat
     from nbconvert import MarkdownExporter
 
-    notebook = nbformat.read(executed(name, folder), as_version=4)
+    notebook = nbformat.read(folder / f"{name}.ipynb", as_version=4)
     resources = {"unique_key": name, "output_files_dir": name}
     text, found = MarkdownExporter().from_notebook_node(notebook, resources)
     return _LOOKS.sub("", text), found["outputs"]
@@ -80,5 +93,4 @@ def title(name: str) -> str:
 
 
 if __name__ == "__main__":
-    for one in SOURCES:
-        print(run(one, Path(sys.argv[1])))
+    print(*all_of(run, Path(sys.argv[1])), sep="\n")

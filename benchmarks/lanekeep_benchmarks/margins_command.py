@@ -52,7 +52,7 @@ def margins_command(
     kinematic: Annotated[bool, typer.Option("--kinematic", help="Cars without slip.")] = False,
     out: Annotated[Path | None, typer.Option(help="A .png file for the picture.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Write over an existing picture.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for scripts: m/s, s, rad.")] = False,
 ) -> None:
     """Say how far loops are from instability around straight driving: what a control engineer asks first.
 

@@ -51,7 +51,14 @@ class Metric:
     more_is_better: bool = False
     most: float = np.inf
 
+    @property
+    def possible(self) -> tuple[float, float]:
+        """Bounds of what it can be: sizes and times are not below 0, rates not above 1 either."""
+        return 0.0 if self.how in _SIZES else -np.inf, 1.0 if self.how == "ever" else np.inf
 
+
+#: Ways of measuring whose numbers cannot be negative.
+_SIZES = ("rms", "peak", "ever", "time", "lap")
 _ALL = (
     Metric("lap_time", "lap time", "s", 2, "lap_time", "lap"),
     Metric("rms_lateral_error", "RMS lateral error", "m", 3, "lateral_error", "rms", holds=True),

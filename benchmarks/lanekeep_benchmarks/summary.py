@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -175,6 +175,7 @@ def summarise_rows(rows: Sequence[Sequence[Sequence[EpisodeResult]]], labels: Se
         ]
         if len(row) > 1:
             own = [seeds_mean(sample[:, :, place]) for place in range(len(keys))]
+        own, middles = ([*map(_possible, keys, found)] for found in (own, _middles(sample[:, :, :-1])))
         if len(row) > 1 or len(rows[0]) > 1:
             difference = [seeds_mean(sample[:, :, place], samples[0][:, :, place]) for place in range(len(keys) + 1)]
         else:
@@ -188,7 +189,7 @@ def summarise_rows(rows: Sequence[Sequence[Sequence[EpisodeResult]]], labels: Se
                 "failure_rate": _plain(wilson(failures, episodes) if len(row) == 1 else seeds_rate(failed)),
                 "won": _plain(wilson(min(float(won[index].sum()), episodes), episodes)),
                 "metrics": dict(zip(keys, map(_plain, own), strict=True)),
-                "interquartile_mean": dict(zip(keys, map(_plain, _middles(sample[:, :, :-1])), strict=True)),
+                "interquartile_mean": dict(zip(keys, map(_plain, middles), strict=True)),
                 "median": dict(zip(keys, np.median(sample[:, :, :-1], axis=(0, 1)).tolist(), strict=True)),
                 "difference_to_reference": {key: _plain(one) for key, one in compared.items()} if index else None,
                 "verdict": {
@@ -210,6 +211,12 @@ def _both(metrics: int) -> list[int]:
 def _numbers(line: EpisodeResult, keys: Sequence[str]) -> list[float]:
     """The metrics and, at the end, 1 where the episode failed."""
     return [*(line.metrics[key] for key in keys), float(line.failed)]
+
+
+def _possible(key: str, interval: Interval) -> Interval:
+    """An interval cut where the metric ends: Student's, of few episodes, does not know that errors have no sign."""
+    low, high = METRICS[key].possible
+    return replace(interval, low=max(interval.low, low), high=min(interval.high, high))
 
 
 def _middles(sample: NDArray[np.float64]) -> list[Interval]:

@@ -147,6 +147,12 @@ def check(scenario: Any) -> None:
     """Raise ValueError for numbers that are not allowed, or side forces that tyres cannot bear beside the road's."""
     require("gusts", scenario.gusts, "m/s", at_least=0.0, at_most=20.0)
     require("gust_time", scenario.gust_time, "s", at_least=1e-3, at_most=1e4)
+    seconds = scenario.episode_steps * scenario.control_step
+    if scenario.changes is not None and scenario.changes.time[0] >= seconds:
+        raise ValueError(
+            f"changes.time={shown(scenario.changes.time)} has no effect in this scenario: its episodes last "
+            f"{seconds:g} s (episode_steps={scenario.episode_steps}); allowed: a time before"
+        )
     if not (scenario.pushed and scenario.model.saturates and scenario.sets_speed and scenario.speed.lateral_limit):
         return
     grip = scenario.friction * scenario.occurring.friction[0] * lowest_patch(scenario) * GRAVITY

@@ -78,6 +78,16 @@ def test_one_episode_has_values_without_intervals():
     assert "one episode allows none" in caption(summary)
 
 
+@pytest.mark.parametrize("values", [(0.0, 0.0, 0.9), (0.3, 0.0, 0.0, 0.0)])
+def test_intervals_end_where_their_metrics_do(values):
+    """Student's, of three or four, would begin below 0; a return has a sign."""
+    lines = [line(name, i, value) for name in ("a-seed0", "a-seed1", "b") for i, value in enumerate(values)]
+    for row in summarise(SUITE, lines, ["a-seed0", "a-seed1", "b"])["scenarios"][0]["policies"]:
+        for kind in ("metrics", "interquartile_mean"):
+            assert row[kind]["rms_lateral_error"]["low"] >= 0.0
+        assert row["metrics"]["return"]["low"] < 0.0
+
+
 def test_a_policy_without_results_is_named(results):
     with pytest.raises(ValueError, match="scenario: there are no results of c"):
         summarise(SUITE, results, ["a", "c"])

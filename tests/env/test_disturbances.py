@@ -145,6 +145,7 @@ def test_what_is_off_is_no_part_of_a_kernel():
         ({"changes": {"friction": 0.5}}, ["changes.friction=", "has no effect", "saturating"]),
         ({"changes": {"time": 3.0}}, ["changes=", "has no effect", "factor"]),
         ({"changes": {"mass": 0.0}}, ["changes.mass=0.0", ">= 0.05"]),
+        ({"changes": {"mass": 1.2, "time": 30.0}}, ["changes.time=(30.0, 30.0)", "has no effect", "last 30 s"]),
         ({"vehicle": {"steering": {"gain": 0.0}}}, ["steering.gain=0.0", ">= 0.05"]),
         ({"max_steering_angle": 1.0, "vehicle": {"steering": {"gain": 3.0}}}, ["max_steering_angle=1.0", "1.5 rad"]),
         (

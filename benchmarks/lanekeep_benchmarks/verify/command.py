@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 #: Rows of the table of scores, above which only those that are worse are shown, and lines of what does not hold.
 MOST_ROWS, MOST_FAULTS = 60, 20
-_HEADINGS = ("policy", "scenario", "score", "claimed", "fresh", "difference, 95 %", "failed, claimed", "fresh", "")
+_HEADINGS = ("policy", "scenario", "score", "claimed\nfresh", "difference\n95 %", "failed\nfresh", "")
 
 
 def verify(
@@ -87,9 +87,9 @@ def _print(verdict: Verdict) -> None:
     title = f"Fresh episodes, seed {verdict.seed}"
     if many:
         title += f": worse in {len(shown)} of {len(verdict.fresh)} comparisons; --json prints all"
-    table = Table(title=Text(title), title_justify="left")
-    for place, heading in enumerate(_HEADINGS):
-        table.add_column(heading, justify="left" if place < 3 else "right")
+    table = Table(title=Text(title), title_justify="left", show_lines=True)
+    for place, heading in enumerate(_HEADINGS):  # numbers are whole on any terminal, words are folded
+        table.add_column(heading, justify="left" if place < 3 else "right", no_wrap=place > 2, overflow="fold")
     for one in shown:
         table.add_row(*map(Text, _row(one, one in verdict.worse)))
     there.print(table if shown else Text(title))
@@ -107,15 +107,14 @@ def _print(verdict: Verdict) -> None:
 
 def _row(one: Fresh, worse: bool) -> tuple[str, ...]:
     if one.difference is None:
-        return one.policy, one.scenario, "", "", "", "", "", "", "fails"
+        return one.policy, one.scenario, "", "", "", "", "fails"
     difference = one.difference
     return (
         one.policy,
         one.scenario,
         one.key,
-        f"{one.claimed:.4g}",
-        f"{one.fresh:.4g}",
-        f"{difference.value:+.3g} ({difference.low:+.3g}…{difference.high:+.3g})",
-        *(f"{100 * rate:.1f} %" for rate in one.failed),
+        f"{one.claimed:.4g}\n{one.fresh:.4g}",
+        f"{difference.value:+.3g}\n{difference.low:+.3g}…{difference.high:+.3g}",
+        "\n".join(f"{100 * rate:.1f} %" for rate in one.failed),
         "worse" if worse else "",
     )
