@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-Layer = NDArray[np.float32]
+Layer = NDArray[np.floating]
 
 #: Of SELU (Klambauer et al., "Self-normalizing neural networks", 2017).
-_SELU_ALPHA, _SELU_SCALE = np.float32(1.6732632423543772), np.float32(1.0507009873554805)
-_ONE = np.float32(1.0)
+_SELU_ALPHA, _SELU_SCALE = 1.6732632423543772, 1.0507009873554805
+_ONE = 1.0
 
 
 def _relu(y: Layer) -> None:
@@ -23,10 +23,10 @@ def _tanh(y: Layer) -> None:
 
 
 def _sigmoid(y: Layer) -> None:
-    y *= np.float32(0.5)  # as half a tanh it overflows nowhere
+    y *= 0.5  # as half a tanh it overflows nowhere
     np.tanh(y, out=y)
     y += _ONE
-    y *= np.float32(0.5)
+    y *= 0.5
 
 
 def _silu(y: Layer) -> None:
@@ -36,7 +36,7 @@ def _silu(y: Layer) -> None:
 
 
 def _softplus(y: Layer) -> None:
-    np.logaddexp(y, np.float32(0.0), out=y)
+    np.logaddexp(y, 0.0, out=y)
 
 
 def _mish(y: Layer) -> None:
@@ -47,13 +47,13 @@ def _mish(y: Layer) -> None:
 
 
 def _elu(y: Layer) -> None:
-    below = np.expm1(np.minimum(y, np.float32(0.0)))
+    below = np.expm1(np.minimum(y, 0.0))
     _relu(y)
     y += below
 
 
 def _selu(y: Layer) -> None:
-    below = np.expm1(np.minimum(y, np.float32(0.0)))
+    below = np.expm1(np.minimum(y, 0.0))
     below *= _SELU_ALPHA
     _relu(y)
     y += below
@@ -61,7 +61,7 @@ def _selu(y: Layer) -> None:
 
 
 def _leaky_relu(y: Layer) -> None:
-    np.maximum(y, y * np.float32(0.01), out=y)
+    np.maximum(y, y * 0.01, out=y)
 
 
 def _softsign(y: Layer) -> None:

@@ -18,6 +18,9 @@ from lanekeep_env.scenario.car import CarScenario
 #: Rows of a matrix product. BLAS lets the number of rows, and a row's place among them, choose the order of additions;
 #: its kernels treat eight rows alike, so that rows are independent of each other to the last bit.
 BLOCK = 8
+#: In which networks are computed. Actions are float32, and what another processor adds in another order is lost where
+#: they are rounded: in float32 its episodes drifted apart, and those with contacts ended otherwise.
+Layer = NDArray[np.float64]
 
 
 class LearnedPolicy:
@@ -49,18 +52,18 @@ class LearnedPolicy:
         self.name = record.name
         self._bound = Binding(record, scenario, allow_files=allow_files)
         self._base = next(iter(self._bound.make_bases()), None)
-        variance = tensors["variance"].astype(np.float64)
         # What is added to or multiplied by blocks has their shape: numpy then runs through a block at once.
+        tensors = {key: tensor.astype(np.float64) for key, tensor in tensors.items()}
         self._mean = _block(tensors["mean"])
         self._frames = record.frames
         if record.frames > 1:
-            self._before = tensors["before"].copy()  # what stands for frames before the first, normalised
+            self._before = tensors["before"]  # what stands for frames before the first, normalised
         self._activate = ACTIVATIONS[record.network.activation]
-        self._inverse = _block((1.0 / np.sqrt(variance + record.normalisation.epsilon)).astype(np.float32))
+        self._inverse = _block(1.0 / np.sqrt(tensors["variance"] + record.normalisation.epsilon))
         hidden = range(len(record.network.hidden))
         self._hidden = [(tensors[f"layers.{i}.weight"].T.copy(), _block(tensors[f"layers.{i}.bias"])) for i in hidden]
         last = len(record.network.hidden)
-        self._last = tensors[f"layers.{last}.weight"].copy(), tensors[f"layers.{last}.bias"].copy()
+        self._last = tensors[f"layers.{last}.weight"], tensors[f"layers.{last}.bias"]
 
     def __repr__(self) -> str:
         record = self.record
@@ -101,19 +104,19 @@ class LearnedPolicy:
             base, following = self._base.predict(observation, state, episode_start)
             base = base.reshape(len(rows), self.record.actions).clip(-1.0, 1.0)
             action = self._network(seen, base)
-            action *= np.float32(self.record.bound)
+            action *= self.record.bound
             action += base
             action.clip(-1.0, 1.0, out=action)
-        action = self._bound.convert(action, rows)
+        action = self._bound.convert(action.astype(np.float32), rows)
         if given.ndim == 1:
             return action[0], following[0] if self._frames > 1 and following is not None else following
         return action, following
 
-    def _network(self, seen: NDArray[np.float32], base: NDArray[np.float32] | None) -> NDArray[np.float32]:
+    def _network(self, seen: NDArray[np.float32], base: NDArray[np.float32] | None) -> Layer:
         """Return the network's outputs for what is seen, (n, inputs), clipped to [-1, 1], (n, actions)."""
         record = self.record
         n, read = seen.shape
-        y = np.zeros((-(-n // BLOCK), BLOCK, record.inputs), dtype=np.float32)
+        y = np.zeros((-(-n // BLOCK), BLOCK, record.inputs))
         x = y.reshape(-1, record.inputs)
         x[:n, :read] = seen
         if base is not None:
@@ -135,6 +138,6 @@ class LearnedPolicy:
         return action.clip(-1.0, 1.0, out=action)
 
 
-def _block(row: NDArray[np.float32]) -> NDArray[np.float32]:
+def _block(row: Layer) -> Layer:
     """Repeat a row for each row of a block."""
     return np.tile(row, (BLOCK, 1))
