@@ -1,16 +1,22 @@
 """The version of everything that lanekeep asks for; exits with an error where ``lowest`` is not what is declared."""
 
 import sys
-from importlib.metadata import requires, version
+from importlib.metadata import metadata, requires, version
 
 from packaging.requirements import Requirement
 from packaging.version import Version
 
 PINNED = {"torch"}  # to the build without CUDA, see constraints-newest.txt
-LEFT_OUT = {"lanekeep", "jax", "ray"}  # ourselves; the others are too large to be installed for a few tests
+LEFT_OUT = {"docs", "jax", "ray"}  # too large to be installed for a few tests
 
+extras = {"", *(metadata("lanekeep").get_all("Provides-Extra") or [])} - LEFT_OUT
 asked = [Requirement(line) for line in requires("lanekeep") or []]
-asked = [requirement for requirement in asked if requirement.name not in LEFT_OUT]
+asked = [
+    requirement
+    for requirement in asked
+    if requirement.name != "lanekeep"
+    and (requirement.marker is None or any(requirement.marker.evaluate({"extra": one}) for one in extras))
+]
 found = {requirement.name: Version(version(requirement.name)) for requirement in asked}
 print(f"{sys.argv[1]}: {', '.join(f'{name} {found[name]}' for name in sorted(found))}")
 
