@@ -53,17 +53,17 @@ class LearnedPolicy:
         self._bound = Binding(record, scenario, allow_files=allow_files)
         self._base = next(iter(self._bound.make_bases()), None)
         # What is added to or multiplied by blocks has their shape: numpy then runs through a block at once.
-        tensors = {key: tensor.astype(np.float64) for key, tensor in tensors.items()}
-        self._mean = _block(tensors["mean"])
+        exact = {key: tensor.astype(np.float64) for key, tensor in tensors.items()}
+        self._mean = _block(exact["mean"])
         self._frames = record.frames
         if record.frames > 1:
-            self._before = tensors["before"]  # what stands for frames before the first, normalised
+            self._before = exact["before"]  # what stands for frames before the first, normalised
         self._activate = ACTIVATIONS[record.network.activation]
-        self._inverse = _block(1.0 / np.sqrt(tensors["variance"] + record.normalisation.epsilon))
+        self._inverse = _block(1.0 / np.sqrt(exact["variance"] + record.normalisation.epsilon))
         hidden = range(len(record.network.hidden))
-        self._hidden = [(tensors[f"layers.{i}.weight"].T.copy(), _block(tensors[f"layers.{i}.bias"])) for i in hidden]
+        self._hidden = [(exact[f"layers.{i}.weight"].T.copy(), _block(exact[f"layers.{i}.bias"])) for i in hidden]
         last = len(record.network.hidden)
-        self._last = tensors[f"layers.{last}.weight"], tensors[f"layers.{last}.bias"]
+        self._last = exact[f"layers.{last}.weight"], exact[f"layers.{last}.bias"]
 
     def __repr__(self) -> str:
         record = self.record
@@ -99,14 +99,11 @@ class LearnedPolicy:
         if self._base is None:
             if self._frames > 1:
                 seen, following = stacked(seen, self._frames, state, episode_start)
-            action = self._network(seen, None)
+            action: NDArray[Any] = self._network(seen, None)
         else:
             base, following = self._base.predict(observation, state, episode_start)
             base = base.reshape(len(rows), self.record.actions).clip(-1.0, 1.0)
-            action = self._network(seen, base)
-            action *= self.record.bound
-            action += base
-            action.clip(-1.0, 1.0, out=action)
+            action = (self._network(seen, base) * np.float64(self.record.bound or 0.0) + base).clip(-1.0, 1.0)
         action = self._bound.convert(action.astype(np.float32), rows)
         if given.ndim == 1:
             return action[0], following[0] if self._frames > 1 and following is not None else following

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 import lanekeep_env
 from lanekeep_benchmarks.bound_command import bound
@@ -35,6 +34,7 @@ from lanekeep_benchmarks.margins_command import margins_command
 from lanekeep_benchmarks.new_command import new
 from lanekeep_benchmarks.play_command import POLICY, play_command
 from lanekeep_benchmarks.replicate_command import replicate
+from lanekeep_benchmarks.speed.command import speed
 from lanekeep_benchmarks.suites import ENDING, SUITES
 from lanekeep_benchmarks.train_command import train
 from lanekeep_benchmarks.verify.command import verify
@@ -75,6 +75,7 @@ app.command()(replicate)
 app.command()(verify)
 app.command()(zoo)
 app.command()(warmup)
+app.command()(speed)
 app.add_typer(new, name="new")
 for name, group in (("road", check.road), ("map", check.map_), ("vehicle", check.vehicle)):
     app.add_typer(group, name=name)
@@ -186,44 +187,3 @@ def _print_report(summary: dict[str, Any], as_json: bool) -> None:
 def _listed(policies: str | None) -> tuple[str, ...] | None:
     """Split a comma-separated list."""
     return None if policies is None else tuple(name.strip() for name in policies.split(",") if name.strip())
-
-
-@app.command()
-def speed(
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer and shorter rounds.")] = False,
-    as_json: Json = False,
-) -> None:
-    """Measure env-steps/s beside CartPole and highway-env, and the start-up times.
-
-    Example: lanekeep speed --quick --json
-    """
-    from lanekeep_benchmarks.speed import measure_courses, measure_rates, measure_start_up, to_json
-
-    with console(stderr=True).status("measuring") as status:
-        speeds = measure_rates(quick, status.update)
-        speeds.courses = measure_courses(quick, status.update)
-        speeds.start_up = measure_start_up(status.update)
-    if as_json:
-        print(to_json(speeds))
-        return
-    there = console()
-    rivals = [name for name in speeds.rates if not name.startswith("lanekeep")]
-    table = Table(title="Env-steps per second, and times as fast (median of paired ratios)", title_justify="left")
-    for heading in ("environment", "env-steps/s", *(f"÷ {rival}" for rival in rivals)):
-        table.add_column(heading, justify="left" if heading == "environment" else "right")
-    for name, rate in speeds.rates.items():
-        ratios = speeds.ratios.get(name, {})
-        table.add_row(name, f"{rate:,.0f}", *(f"{ratios[rival]:.2f}" if rival in ratios else "" for rival in rivals))
-    there.print(table)
-    for title, what, values in (
-        ("Times as fast as a circuit at the same scan, of CPU", "ratio", speeds.courses),
-        ("Start-up in a fresh process", "seconds", speeds.start_up),
-    ):
-        table = Table(title=title, title_justify="left")
-        table.add_column("what")
-        table.add_column(what, justify="right")
-        for name, value in values.items():
-            table.add_row(name, f"{value:.2f}")
-        there.print(table)
-    for note in speeds.notes:
-        there.print(note, highlight=False)

@@ -16,7 +16,6 @@ from typer.testing import CliRunner
 
 import lanekeep_baselines
 import lanekeep_env
-from lanekeep_benchmarks import speed as speed_module
 from lanekeep_benchmarks.__main__ import main
 from lanekeep_benchmarks.cli import app
 from lanekeep_benchmarks.metrics import METRICS
@@ -310,39 +309,3 @@ def test_all_baselines_that_can_drive_are_the_default(oval, tmp_path, capsys):
     assert [row["policy"] for row in policies] == list(
         lanekeep_baselines.names(lanekeep_env.LaneKeepScenario(preview=12))
     )
-
-
-class TestSpeed:
-    """`lanekeep speed` with short rounds; the figures themselves belong to a quiet machine."""
-
-    @pytest.fixture(autouse=True)
-    def short(self, monkeypatch):
-        monkeypatch.setattr(speed_module, "STEPS", {"single": 300, "highway": 5, "vector": 3, "traffic": 1})
-
-    def test_rates_ratios_and_start_up_times(self, capsys, monkeypatch):
-        monkeypatch.delitem(speed_module.MAKERS, "vector")  # each cold start compiles for seconds
-        assert main(["speed", "--quick", "--json"]) == 0
-        found = json.loads(capsys.readouterr().out)
-        rates = found["rates_env_steps_per_s"]
-        assert all(rate > 0 for rate in rates.values())
-        assert "CartPole-v1" in found["ratios"]["lanekeep"]
-        assert list(found["ratios"]["lanekeep Traffic, 50 others"]) == ["highway-env highway-v0, 50 others"]
-        courses = found["course_ratios"]
-        assert len(courses) == 4 and all(ratio > 0 for ratio in courses.values())
-        assert set(found["start_up_s"]) == {
-            "import",
-            "first step, single, cold",
-            "first step, single, warm",
-        }
-        assert found["start_up_s"]["first step, single, warm"] < found["start_up_s"]["first step, single, cold"]
-
-    def test_without_highway_env_it_says_so_and_goes_on(self, capsys, monkeypatch):
-        find = speed_module.importlib.util.find_spec
-        monkeypatch.setattr(
-            speed_module.importlib.util, "find_spec", lambda name: None if name == "highway_env" else find(name)
-        )
-        monkeypatch.setattr(speed_module, "measure_start_up", lambda report: {})
-        assert main(["speed", "--quick"]) == 0
-        output = capsys.readouterr().out
-        assert "highway-env is not installed" in output
-        assert "CartPole-v1" in output
