@@ -1,7 +1,7 @@
 """LQ controllers of the benchmark's own cost: with preview of the road, free of offsets, and without the road.
 
 What optimal linear control makes of what a learned policy is given: the nominal car, the cost, the channels. Gains and
-filters are designed at many speeds and interpolated between them (`lq_model`, `lq_design`); sideslip, which no sensor
+filters are designed at many speeds and interpolated between them (`lq_schedule`); sideslip, which no sensor
 measures, comes from a Kalman filter. All of them know the scenario's nominal car only.
 """
 
@@ -9,34 +9,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
-from functools import partial
 from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.declared import Need
-from lanekeep_baselines.lq_design import Cost, Estimated, Gains, Measuring, Weights, gains, on_samples
-from lanekeep_baselines.lq_model import STATES, StepModel, steady_sideslip
-from lanekeep_baselines.lq_reserve import Loop, least_share, moved
+from lanekeep_baselines.lq_design import Cost, Estimated, Measuring, Weights, on_samples
+from lanekeep_baselines.lq_model import steady_sideslip
+from lanekeep_baselines.lq_schedule import FOLLOWING, LEAST_NOISE, SPEEDS, Design, points, reserved
 from lanekeep_baselines.policy import Floats, LaneScenario, PreviewScenario, SteeringPolicy
 from lanekeep_baselines.table import Table, weighted_sum
-from lanekeep_env.physics.parameters import VehicleParameters
 from lanekeep_env.sensing.faults import Sensors
 
-#: Speeds of the design points, m/s.
-SPEEDS: Floats = np.arange(1.0, 60.1, 1.0)
-#: Those of them at which margins are judged; between two of them weights are those of the one that takes more.
-JUDGED: Floats = np.array([1.0, 5.0, 10.0, 12.0, 14.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 50.0, 60.0])
-#: Channels of the measured states, in the order of `lq_design.MEASURED`, and the least standard deviations that a
-#: filter assumes of them (rad, rad/s, rad, m): a tenth of those of production sensors.
+#: Channels of the measured states, in the order of `lq_design.MEASURED`.
 MEASURED_CHANNELS = ("steering_angle", "yaw_rate", "heading_error", "lateral_error")
-LEAST_NOISE: Floats = np.array([2e-5, 5e-4, 3e-4, 3e-3])
-#: Below this speed, m/s, the filters take the road wheel to follow its model to within `FOLLOWING` (rad a step). The
-#: optimum adds to the angle that is, as an integrator; with the measured angle it has the actuator's gain in it, which
-#: a slow car does not correct in time (Ms 7 to 14 at 1 m/s, 1.2 to 1.8 with the model's angle).
-SLOW, FOLLOWING = 15.0, 1e-6
 #: Wheelbase, m, from which on cars are as long as those that the weights were tuned on.
 FULL_SIZE = 2.0
 #: Least preview, s: behind it the curvature is taken to stay as it is.
@@ -112,61 +99,25 @@ class LinearQuadratic(SteeringPolicy):
         # A model car goes round bends as much tighter as it is shorter, in the square root of the time: allowed a
         # full-size car's lateral errors, and as slow a road wheel, the optimum would cut them beyond its lane.
         length = min(1.0, scenario.vehicle.wheelbase / FULL_SIZE)
-        self._time = math.sqrt(length)
+        time = math.sqrt(length)
         weight = tuned.rate * scenario.cost_weight
-        cost = Cost(scenario.reference_lateral_error * length, weight, scenario.reference_steering_rate / self._time)
+        cost = Cost(scenario.reference_lateral_error * length, weight, scenario.reference_steering_rate / time)
         measuring = _measuring(scenario.sensors, step)
         steps = 2 + int(reach / step) if known else 1
-        self._vehicle, self._step, self._cost, self._steps, self._slip = scenario.vehicle, step, cost, steps, slip
+        self._design = Design(scenario.vehicle, time, step, slip, cost, steps, self.estimated)
         self._sideslip = steady_sideslip(scenario.vehicle, slip)
-        self._moved = self._reserved(tuned) if weights is None else [tuned] * len(SPEEDS)
-        feedback, filters = [], []
-        for speed, used in zip(SPEEDS, self._moved, strict=True):
-            parts, found, filtering = self._designed(float(speed), used, measuring)
-            if known:
-                parts.append(on_samples(found.curvature, step, len(self._samples), interval))
-            feedback.append(-np.concatenate(parts))
-            filters.append(filtering.T)
-        self._feedback, self._filter = Table(SPEEDS, np.stack(feedback)), Table(SPEEDS, np.stack(filters))
-        self._on_the_way = len(parts[-1 - known])
+        self._moved = reserved(self._design, tuned) if weights is None else (tuned,) * len(SPEEDS)
+        found = points(self._design, self._moved, measuring)
+        feedback = [point.states for point in found]
+        if known:
+            road = [on_samples(point.curvature, step, len(self._samples), interval) for point in found]
+            feedback = [np.concatenate(both) for both in zip(feedback, road, strict=True)]
+        self._feedback = Table(SPEEDS, -np.stack(feedback))
+        self._filter = Table(SPEEDS, np.stack([point.filtering.T for point in found]))
+        self._on_the_way = found[0].on_the_way
         self._late = measuring.late
         self._followed = self.estimated.states + sum(measuring.late)
         self.memory = self._followed + known + self._on_the_way
-
-    def _designed(self, speed: float, weights: Weights, measuring: Measuring) -> tuple[list[Floats], Gains, Floats]:
-        """Return gains of estimates and commands on their way, all gains, and the filter, at a speed in m/s."""
-        model = StepModel.of(self._reserving(weights), speed, self._step, self._slip)
-        found = gains(model, self._cost, self._step, self._steps)
-        parts = [found.state[:STATES]]
-        if self.estimated.offsets:
-            parts.append(found.offsets)
-        if self.estimated.curvature:
-            parts.append(found.constant)
-        parts.append(found.state[STATES:])
-        trusting = weights if speed >= SLOW else replace(weights, steer=min(weights.steer, FOLLOWING))
-        return parts, found, self.estimated.filter(model, trusting, measuring, speed, self._step)
-
-    def _reserving(self, weights: Weights) -> VehicleParameters:
-        """Return the car with the lag that the design takes it to have."""
-        steering = self._vehicle.steering
-        return replace(self._vehicle, steering=replace(steering, lag=steering.lag + weights.lag * self._time))
-
-    def _reserved(self, tuned: Weights) -> list[Weights]:
-        """Return the weights of each design speed: the tuned ones, moved as far as the margins ask for.
-
-        Judged are car and actuator, with sensors that are on time: a late camera is no fault of theirs.
-        """
-        on_time = Measuring(LEAST_NOISE, (0,) * len(MEASURED_CHANNELS))
-
-        def sensitivity(speed: float, share: float) -> float:
-            parts, _, filtering = self._designed(speed, moved(tuned, share), on_time)
-            model = StepModel.of(self._vehicle, speed, self._step, self._slip)
-            return Loop(model, np.concatenate(parts), filtering, not self.estimated.curvature).sensitivity()
-
-        shares = np.array([least_share(partial(sensitivity, float(speed))) for speed in JUDGED])
-        above = np.searchsorted(JUDGED, SPEEDS)
-        below = np.searchsorted(JUDGED, SPEEDS, side="right") - 1
-        return [moved(tuned, float(share)) for share in np.maximum(shares[above], shares[below])]
 
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool
@@ -217,13 +168,13 @@ class LinearQuadratic(SteeringPolicy):
 
 def _measuring(sensors: Sensors, step: float) -> Measuring:
     """Return white noise, quantisation and delay of the measured channels at control steps of ``step`` s."""
-    noise, late = LEAST_NOISE.copy(), [0] * len(MEASURED_CHANNELS)
+    noise, late = list(LEAST_NOISE), [0] * len(MEASURED_CHANNELS)
     for channel, sensor in sensors:
         if channel in MEASURED_CHANNELS:
             i = MEASURED_CHANNELS.index(channel)
             noise[i] = max(noise[i], math.hypot(sensor.noise, sensor.resolution / math.sqrt(12.0)))
             late[i] = round(sensor.delay / step)
-    return Measuring(noise, tuple(late))
+    return Measuring(tuple(noise), tuple(late))
 
 
 class LqPreview(LinearQuadratic):

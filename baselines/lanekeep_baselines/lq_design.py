@@ -198,20 +198,20 @@ def on_samples(curvature: Floats, step: float, samples: int, interval: float) ->
     return np.array(shares) @ curvature
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Measuring:
     """What the sensors make of the measured states.
 
     Attributes:
-        noise: standard deviations, rad, rad/s, rad and m, shape (4,).
+        noise: standard deviations, rad, rad/s, rad and m.
         late: control steps from an event to its sample.
     """
 
-    noise: Floats
+    noise: tuple[float, ...]
     late: tuple[int, ...]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Estimated:
     """The model with the constants that a filter estimates beside the states.
 
@@ -255,11 +255,12 @@ class Estimated:
                 a[known, shown[i]] = 1.0
                 shown[i], known = known, known + 1
         # In units of its noise: scipy then solves the equation whatever the weights are.
-        measured = np.eye(n)[shown] / measuring.noise[:, None]
+        deviations = np.array(measuring.noise)
+        measured = np.eye(n)[shown] / deviations[:, None]
         covariance = settled(a, measured, noise)
         seen = covariance @ measured.T
         correction = np.linalg.solve(measured @ seen + np.eye(len(MEASURED)), seen.T).T
         inputs = model.b if self.curvature else np.hstack([model.curvature, model.b])
         inputs = np.vstack([inputs, np.zeros((n - STATES, inputs.shape[1]))])
         kept = np.eye(n) - correction @ measured
-        return np.hstack([kept @ a, kept @ inputs, correction / measuring.noise])
+        return np.hstack([kept @ a, kept @ inputs, correction / deviations])

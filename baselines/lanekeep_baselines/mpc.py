@@ -15,9 +15,10 @@ from typing import Protocol
 
 import numpy as np
 
-from lanekeep_baselines.lq import SPEEDS, CostScenario, LqPreview
+from lanekeep_baselines.lq import CostScenario, LqPreview
 from lanekeep_baselines.lq_design import MEASURED, Weights
 from lanekeep_baselines.lq_model import SIDESLIP, STATES, STEER, YAW_RATE, StepModel
+from lanekeep_baselines.lq_schedule import SPEEDS
 from lanekeep_baselines.mpc_problem import Limits, Problem
 from lanekeep_baselines.policy import Floats
 from lanekeep_baselines.slip_offsets import SlipOffsets
@@ -50,7 +51,7 @@ class MpcPreview(LqPreview):
         if scenario.action == "steering_rate":
             rate = min(rate, scenario.max_steering_rate)
         angle = min(scenario.max_steering_angle, steering.angle_limit or math.inf)
-        saturates = scenario.tyre != "linear" and self._slip
+        saturates = scenario.tyre != "linear" and self._design.slip
         self._limits = Limits(angle, rate, scenario.friction if saturates else math.inf)
         self._offsets = None
         if saturates:
@@ -58,7 +59,8 @@ class MpcPreview(LqPreview):
         self._lag = steering.lag
         # From samples of the road to the curvature at the horizon's steps: linear between them, held behind.
         samples = len(self._samples)
-        ends, places = self._step * np.arange(self._steps), scenario.preview_interval * np.arange(samples)
+        ends = self._design.step * np.arange(self._design.steps)
+        places = scenario.preview_interval * np.arange(samples)
         self._ahead = np.array([np.interp(ends, places, one) for one in np.eye(samples)])
         if self._offsets is not None:
             self._design_offsets()
@@ -69,13 +71,13 @@ class MpcPreview(LqPreview):
         corrections = self._filter(SPEEDS)[:, -len(MEASURED) :]
         followed, asked = [], []
         for i, correction in enumerate(corrections):
-            car, problem = self._reserving(self._moved[i]), self._problem(i)
-            moves = StepModel.of(car, float(SPEEDS[i]), self._step, self._slip).offsets
+            car, problem = self._design.reserving(self._moved[i]), self._problem(i)
+            moves = StepModel.of(car, float(SPEEDS[i]), self._design.step, self._design.slip).offsets
             new = -correction.T @ (moves[list(MEASURED)] * on_time)
             new[:STATES] += moves
             followed.append(new.T)
             known = STATES + self._on_the_way
-            asked.append(problem.free[0, known : known + 2 * self._steps])
+            asked.append(problem.free[0, known : known + 2 * self._design.steps])
         self._followed_offsets, self._asked_offsets = Table(SPEEDS, np.stack(followed)), Table(SPEEDS, np.stack(asked))
 
     def _start(self, measured: list[Floats], speed: Floats) -> list[Floats]:
@@ -96,7 +98,7 @@ class MpcPreview(LqPreview):
         commands = super().steer(speed, seen)
         states = STATES + self._on_the_way
         ahead = np.array([one @ self._ahead for one in seen[:, states:]])
-        offsets = np.zeros((len(seen), 2 * self._steps))
+        offsets = np.zeros((len(seen), 2 * self._design.steps))
         if self._offsets is not None:
             middle = 0.5 * (ahead + np.concatenate([ahead[:, 1:], ahead[:, -1:]], axis=1))
             offsets[:, ::2], offsets[:, 1::2] = self._offsets((speed * speed)[:, None] * middle)
@@ -109,8 +111,9 @@ class MpcPreview(LqPreview):
         return commands
 
     def _problem(self, design: int) -> Problem:
-        car, speed = self._reserving(self._moved[design]), float(SPEEDS[design])
-        return Problem.of(car, speed, self._step, self._slip, self._cost, self._steps, self._limits)
+        of, speed = self._design, float(SPEEDS[design])
+        car = of.reserving(self._moved[design])
+        return Problem.of(car, speed, of.step, of.slip, of.cost, of.steps, self._limits)
 
     def _asked(self, command: float, angle: float) -> float:
         """Return what to ask of a rate-limited actuator, so that it goes as far in a step as ``command`` means it to.
@@ -123,7 +126,8 @@ class MpcPreview(LqPreview):
             return command
         from scipy.optimize import brentq
 
-        far = min(abs(command - angle) * -math.expm1(-self._step / lag) / rate, (1.0 - 1e-9) * self._step)
+        step = self._design.step
+        far = min(abs(command - angle) * -math.expm1(-step / lag) / rate, (1.0 - 1e-9) * step)
         # Fastest for a time t, then as the lag goes: t + lag (1 - exp(-(step - t) / lag)) = far, all in s.
-        t = brentq(lambda t: t - lag * math.expm1((t - self._step) / lag) - far, 0.0, self._step)
+        t = brentq(lambda t: t - lag * math.expm1((t - step) / lag) - far, 0.0, step)
         return angle + math.copysign(rate * (lag + t), command - angle)

@@ -24,6 +24,7 @@ Anti-windup is by clamping: the PI with its zero at 0 is the last steering, as l
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -98,6 +99,7 @@ def delayed_rate_locus(loop_gain: float, zero: float, step: float) -> control.Tr
     return control.zpk([zero], [0.0, 1.0], loop_gain, step)
 
 
+@cache
 def redesigned_loop_gains(margin: float = MODULUS_MARGIN) -> tuple[float, float, float]:
     """Return K = k v T/l, k1 in 1/step, and k2 v T: the loop gains of rate, heading and distance.
 

@@ -29,6 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -169,18 +170,26 @@ def without_delay(car: VehicleParameters) -> VehicleParameters:
     return replace(car, steering=replace(steering, lag=lag, delay=0.0))
 
 
+@lru_cache(maxsize=256)
 def control_gains(model: YinModel, speed: float, weights: Weights = control_weights) -> Floats:
     """Return k_c of u = -k_c (delta_L, r, theta_d, y_d) at one design speed in m/s, shape (4,)."""
     import control  # here, so that what a policy declares can be read without it
 
     gains, _, _ = control.lqr(*model.plant(speed), *weights(speed))
-    return np.asarray(gains, dtype=np.float64)[0]
+    return _kept(np.asarray(gains, dtype=np.float64)[0])
 
 
+@lru_cache(maxsize=256)
 def observer_gains(model: YinModel, speed: float, weights: Weights) -> Floats:
     """Return k_o of the observer's correction k_o (y - C_o x) at one design speed in m/s, shape (5, 3)."""
     import control
 
     a, _ = model.disturbed_plant(speed)
     gains, _, _ = control.lqr(a.T, OUTPUTS.T, *weights(speed))
-    return np.asarray(gains, dtype=np.float64).T
+    return _kept(np.asarray(gains, dtype=np.float64).T)
+
+
+def _kept(gains: Floats) -> Floats:
+    """Return gains that many policies are given, which none of them may change."""
+    gains.setflags(write=False)
+    return gains

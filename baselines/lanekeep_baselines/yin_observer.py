@@ -10,6 +10,8 @@ it; the measured y, which goes on moving, runs linearly between its samples: the
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from lanekeep_baselines.policy import Floats
@@ -37,6 +39,16 @@ def transition(model: YinModel, speed: float, gains: Floats, step: float) -> Flo
     return np.hstack([phi[:, :5], phi[:, 6:9] - phi[:, 9:], phi[:, 5:6], phi[:, 9:]])
 
 
+@lru_cache(maxsize=8)
+def tabulated(model: YinModel, weights: Weights, step: float) -> Floats:
+    """Return the transposed transitions at every `RESOLUTION` m/s, shape (n, 12, 5); made once, by whoever asks."""
+    gains = Table(SCHEDULE, np.stack([observer_gains(model, v, weights) for v in SCHEDULE]))(SPEEDS)
+    rows = [transition(model, v, k, step).T for v, k in zip(SPEEDS, gains, strict=True)]
+    table = Table(SPEEDS, np.stack(rows))(np.arange(0.0, SPEEDS[-1] + RESOLUTION / 2, RESOLUTION))
+    table.setflags(write=False)
+    return table
+
+
 class Observer:
     """Estimates (delta_L, r, theta_d, y_d, delta_s) from (r, theta_d, y_d) and the applied command, row by row.
 
@@ -46,10 +58,7 @@ class Observer:
     memory = 8
 
     def __init__(self, model: YinModel, weights: Weights, step: float) -> None:
-        gains = Table(SCHEDULE, np.stack([observer_gains(model, v, weights) for v in SCHEDULE]))(SPEEDS)
-        rows = [transition(model, v, k, step).T for v, k in zip(SPEEDS, gains, strict=True)]
-        fine = np.arange(0.0, SPEEDS[-1] + RESOLUTION / 2, RESOLUTION)
-        self._transition = Table(SPEEDS, np.stack(rows))(fine)
+        self._transition = tabulated(model, weights, step)
 
     def update(
         self, memory: Floats, fresh: np.ndarray | bool, speed: Floats, wheel: Floats, applied: Floats, measured: Floats

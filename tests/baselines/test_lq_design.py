@@ -117,7 +117,7 @@ def test_gains_of_samples_answer_a_road_that_is_linear_between_them(interval: fl
 
 KINDS = [Estimated(offsets=False, curvature=False), Estimated(offsets=True, curvature=False), Estimated(True, True)]
 WEIGHTS = Weights(rate=1.0, slip=2e-3, steer=4e-4, drift=5e-3, bend=0.3)
-SENSORS = np.array([2e-4, 5e-3, 3e-3, 0.03])
+SENSORS = (2e-4, 5e-3, 3e-3, 0.03)
 #: What the sensors measure of (steer, sideslip, yaw rate, heading, lateral error).
 ROWS = [0, 2, 3, 4]
 

@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lanekeep_baselines.lq import LEAST_NOISE, LinearQuadraticGaussian, LqPreview, LqPreviewOffsetFree
+from lanekeep_baselines import lq_schedule
+from lanekeep_baselines.lq import LinearQuadraticGaussian, LqPreview, LqPreviewOffsetFree
 from lanekeep_baselines.lq_design import Measuring
 from lanekeep_baselines.lq_model import StepModel
 from lanekeep_baselines.lq_reserve import BOUND, SHARES, Loop, least_share, moved
+from lanekeep_baselines.lq_schedule import LEAST_NOISE
 from lanekeep_baselines.margins import margins
 from lanekeep_env.scenario import LaneKeepScenario
 
@@ -69,8 +71,24 @@ def test_a_loop_that_is_not_stable_has_no_margin(vehicle: str, speeds: tuple[flo
     scenario = LaneKeepScenario(preview=20, vehicle=car)
     policy = LqPreviewOffsetFree(scenario, LqPreviewOffsetFree.weights)
     for speed in speeds:
-        parts, _, filtering = policy._designed(speed, policy.weights, Measuring(LEAST_NOISE, (0, 0, 0, 0)))
+        point = policy._design.at(speed, policy.weights, Measuring(LEAST_NOISE, (0, 0, 0, 0)))
         model = StepModel.of(scenario.vehicle, speed, scenario.control_step, slip=True)
-        loop = Loop(model, turned * np.concatenate(parts), filtering, known=not policy.estimated.curvature)
+        loop = Loop(model, turned * point.states, point.filtering, known=not policy.estimated.curvature)
         assert loop.is_stable() == np.isfinite(loop.sensitivity())
         assert loop.is_stable() == (turned > 0.0 and margins(policy, scenario, speed).stable)
+
+
+def test_a_design_is_made_once_for_all_roads_and_anew_for_another_car(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A suite's scenarios differ in what no design knows of."""
+    scenario = LaneKeepScenario(preview=20, reference_lateral_error=0.31)
+    first = LqPreviewOffsetFree(scenario)
+
+    def refused(*_: object) -> None:
+        raise AssertionError("designed anew")
+
+    monkeypatch.setattr(lq_schedule, "gains", refused)
+    again = LqPreviewOffsetFree(replace(scenario, road="yin", tyre="magic_formula", friction=0.5))
+    np.testing.assert_array_equal(commands(again, scenario, 20.0), commands(first, scenario, 20.0))
+    for change in ({"reference_lateral_error": 0.32}, {"control_step": 0.04}, {"vehicle": "passat"}):
+        with pytest.raises(AssertionError, match="designed anew"):
+            LqPreviewOffsetFree(replace(scenario, **change))

@@ -14,7 +14,7 @@ import pytest
 import lanekeep_agents
 import lanekeep_baselines
 import lanekeep_env  # noqa: F401  (registers the environments)
-from lanekeep_baselines import lq
+from lanekeep_baselines import lq, lq_schedule
 from lanekeep_baselines.margins import Margins, margins
 from lanekeep_baselines.slip_limit import SlipLimited
 from lanekeep_env.physics.vehicles import VEHICLES
@@ -114,7 +114,8 @@ def test_the_observer_has_the_margins_that_were_read_elsewhere(speed: float) -> 
 @pytest.mark.parametrize("speed", READ_PREVIEW)
 def test_preview_has_the_margins_that_were_read_elsewhere(speed: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """With the filter that was read: it believed the measured steering angle."""
-    monkeypatch.setattr(lq, "SLOW", 0.0)
+    monkeypatch.setattr(lq_schedule, "SLOW", 0.0)
+    monkeypatch.setattr(lq, "points", lq_schedule.points.__wrapped__)  # of a design that is nobody else's
     scenario = scenario_of()
     policy = lq.LqPreview(scenario, replace(lq.LqPreview.weights, steer=1e-3))
     found = margins(policy, scenario, speed)

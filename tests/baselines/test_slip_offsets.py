@@ -67,7 +67,7 @@ def test_in_a_steady_bend_nothing_moves(tyre: str, speed: float, delay: float, s
     assert policy._offsets is not None
     offsets = np.array([float(one[0]) for one in policy._offsets(v * v * bend)])
     # From the model: what stays as it is with the lateral error at none.
-    model = StepModel.of(policy._vehicle, speed, STEP)
+    model = StepModel.of(policy._design.vehicle, speed, STEP)
     push = model.offsets @ offsets + model.curvature.sum(axis=1) * bend
     kept = np.delete(np.eye(STATES) - model.a, LATERAL, axis=1)
     *x, command = np.linalg.lstsq(np.column_stack([kept, -model.b.sum(axis=1)]), push, rcond=None)[0]

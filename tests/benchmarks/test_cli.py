@@ -242,25 +242,25 @@ def command(*arguments, **keywords):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc")
-def test_an_output_that_nobody_reads_and_a_folder_that_nobody_can_write(tmp_path):
+def test_an_output_that_nobody_reads_and_a_folder_that_nobody_can_write(tmp_path, monkeypatch, capsys):
     read, write = os.pipe()
     os.close(read)
     run = [sys.executable, "-m", "lanekeep_benchmarks", "envs"]
     done = subprocess.run(run, stdout=write, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 1 and done.stderr == "lanekeep: what reads the output was closed before its end\n"
-    for command_line in (["envs"], ["envs", "Drive-v0"], ["envs", "--json"], ["--version"]):
+    for command_line in (["envs", "Drive-v0"], ["envs", "--json"], ["--version"]):
         with open("/dev/full", "w") as full:
             done = subprocess.run([*run[:3], *command_line], stdout=full, stderr=subprocess.PIPE, text=True)
         assert done.returncode == 1
         assert done.stderr == "lanekeep: the output cannot be written: No space left on device\n"
-    done = command("bench", "--policies", "stanley", "--episodes", "1", "--out", "/proc/nowhere", cwd=tmp_path)
-    assert done.returncode == 2 and done.stderr == "lanekeep: /proc/nowhere: No such file or directory\n"
+    monkeypatch.chdir(tmp_path)
+    assert main(["bench", "--policies", "stanley", "--episodes", "1", "--out", "/proc/nowhere"]) == 2
+    assert capsys.readouterr().err == "lanekeep: /proc/nowhere: No such file or directory\n"
     road = tmp_path / "road.csv"
     road.write_text("x_m,y_m\n" + "".join(f"{x},0\n" for x in range(0, 100, 5)))
     picture = tmp_path / "nowhere" / "road.png"  # by its own name, not that of the file beside it
-    done = command("road", "check", str(road), "--out", str(picture))
-    assert done.returncode == 2
-    assert done.stderr == f"lanekeep: --out {picture}: there is no folder {picture.parent}\n"
+    assert main(["road", "check", str(road), "--out", str(picture)]) == 2
+    assert capsys.readouterr().err == f"lanekeep: --out {picture}: there is no folder {picture.parent}\n"
     road.unlink()
     assert not list(tmp_path.iterdir())
 

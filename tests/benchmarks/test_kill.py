@@ -12,9 +12,23 @@ import pytest
 from lanekeep_benchmarks.results import EPISODES, SUMMARY
 from lanekeep_benchmarks.run_record import RUN
 
-# 300 episodes are two chunks: 5 scenarios x 2 policies x 2 chunks.
-OPTIONS = ["--policies", "pd,yin-lqr", "--episodes", "300"]
-TOTAL = 3000
+SUITE = """
+name = "two"
+description = "two roads"
+episodes = 300
+policies = ["pd", "yin-lqr"]
+
+[[scenario]]
+name = "random-roads"
+title = "random roads"
+
+[[scenario]]
+name = "yin-b"
+title = "two curves"
+keywords = { road = "yin", start_lateral_error = 1.0 }
+"""
+# 300 episodes are two chunks: 2 scenarios x 2 policies x 2 chunks.
+TOTAL = 1200
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(sys.platform == "win32", reason="signals")]
 
@@ -46,9 +60,17 @@ def wait_for_file(process, file):
 
 
 @pytest.fixture(scope="module")
-def unbroken(tmp_path_factory):
+def suite(tmp_path_factory):
+    """Path of a suite of two roads: as many as it takes to be killed between them."""
+    file = tmp_path_factory.mktemp("suite") / "two.toml"
+    file.write_text(SUITE)
+    return str(file)
+
+
+@pytest.fixture(scope="module")
+def unbroken(suite, tmp_path_factory):
     folder = tmp_path_factory.mktemp("kill") / "unbroken"
-    process = start(*OPTIONS, "--out", str(folder))
+    process = start(suite, "--out", str(folder))
     _, error = process.communicate()
     assert process.returncode == 0, error
     assert lines_in(folder) == TOTAL
@@ -65,13 +87,13 @@ def assert_same_results(folder, unbroken):
 
 
 @pytest.mark.parametrize("kills", [4, pytest.param(10, marks=pytest.mark.slow)])
-def test_kill_9_at_random_moments(kills, unbroken, tmp_path):
+def test_kill_9_at_random_moments(kills, suite, unbroken, tmp_path):
     """Once while it starts, then a random number of lines later, once in the report; then left alone."""
     generator = np.random.default_rng(2026)
     folder = tmp_path / "killed"
     before = 0
     for kill in range(kills):
-        process = start(*OPTIONS, "--out", str(folder), "--resume")
+        process = start(suite, "--out", str(folder), "--resume")
         if kill == 0:
             time.sleep(generator.uniform(0.0, 1.0))
         elif kill < kills - 1:
@@ -92,9 +114,9 @@ def test_kill_9_at_random_moments(kills, unbroken, tmp_path):
     assert_same_results(folder, unbroken)
 
 
-def test_ctrl_c_ends_with_the_command_that_completes_the_run(unbroken, tmp_path):
+def test_ctrl_c_ends_with_the_command_that_completes_the_run(suite, unbroken, tmp_path):
     folder = tmp_path / "interrupted"
-    process = start(*OPTIONS, "--out", str(folder))
+    process = start(suite, "--out", str(folder))
     wait_for_lines(process, folder, 1)
     process.send_signal(signal.SIGINT)
     output, error = process.communicate()

@@ -7,21 +7,45 @@ import pytest
 from PIL import Image
 
 from lanekeep_benchmarks import cli
-from lanekeep_benchmarks.replications import BESIDE, WORKS, knightriders_parking, yin
+from lanekeep_benchmarks.replications import (
+    BESIDE,
+    WORKS,
+    knightriders_parking,
+    traechtler,
+    traechtler_turns,
+    werling_robustness,
+    yin,
+)
 from lanekeep_benchmarks.replications.differences import DIFFERENCES
 
 pytestmark = pytest.mark.long
 
 
-@pytest.fixture(scope="module", params=["a few gaps", pytest.param("every gap", marks=pytest.mark.slow)])
+#: What is driven of the tables that take minutes: of each kind the first, the last, and what differs between them.
+PART = (
+    (knightriders_parking, "GAPS", knightriders_parking.GAPS[::6]),
+    (traechtler, "EDGE_RADII", (8.0, 20.0)),
+    (traechtler_turns, "SPEEDS", (4.0, 6.0)),
+    (traechtler_turns, "TURNS", (30, 150)),
+    (traechtler_turns, "SIZES", {"offset": (1.0,), "radius": (0.2,), "angle": (0.2,)}),
+    (traechtler_turns, "RECOGNISED", (7.0, 5.0)),
+    (werling_robustness, "LOOPS", werling_robustness.LOOPS[1:]),
+    (werling_robustness, "SPEEDS", (5.0, 25.0)),
+    (werling_robustness, "OTHERS", werling_robustness.OTHERS[:1] + werling_robustness.OTHERS[4:7]),
+    (werling_robustness, "ROADS", tuple(werling_robustness.ROADS[i] for i in (0, 2, 5, 6))),
+    (yin, "EQUIVALENT", dict(list(yin.EQUIVALENT.items())[::3])),
+)
+
+
+@pytest.fixture(scope="module", params=["part of it", pytest.param("all of it", marks=pytest.mark.slow)])
 def everything(tmp_path_factory, request):
-    """Folder of all replications, driven once; a row is parked in for minutes, over ``a few gaps`` for a third."""
+    """Folder of all replications, driven once."""
     folder = tmp_path_factory.mktemp("replications") / "all"
     with pytest.MonkeyPatch.context() as patch:
-        if request.param == "a few gaps":
-            patch.setattr(knightriders_parking, "GAPS", knightriders_parking.GAPS[::4])
+        for change in PART if request.param == "part of it" else ():
+            patch.setattr(*change)
         assert cli.run(["replicate", "all", "--out", str(folder)]) == 0
-    return folder
+        yield folder
 
 
 @pytest.fixture(scope="module")
@@ -216,7 +240,7 @@ def test_blind_turns_are_as_good_as_the_suite_asks(replicated):
     """Bounds of the task: largest error by edge radius, 5 cm from 25 m after the switch on, calm at 20 m."""
     table = table_of(replicated("traechtler"), "Blind turns")
     bounds = {"8": 0.70, "10": 0.55, "12": 0.45, "20": 0.25}
-    assert len(table) == 24
+    assert len(table) == 2 * 3 * len(traechtler.EDGE_RADII)
     for radius, _, policy, largest, after, jump, *_ in table:
         assert float(largest) <= bounds[radius] * (1.0 if policy == "blind" else 0.5)
         assert float(after) <= 0.05
@@ -241,14 +265,16 @@ def test_damping_rises_with_the_derivative_part_as_the_poles_say(replicated):
 
 def test_every_angle_and_the_way_round_an_obstacle_are_driven_blind_within_the_lane(replicated):
     rows = table_of(replicated("traechtler"), "Blind drives by angle")
-    assert len(rows) == 6 * 3 and {row[1] for row in rows} == {"2", "4", "6"}
+    speeds, turns = traechtler_turns.SPEEDS, traechtler_turns.TURNS
+    assert len(rows) == (len(turns) + 1) * len(speeds) and {float(row[1]) for row in rows} == set(speeds)
     for _, _, _, blind, inverse in rows:
         assert "left" not in blind + inverse and float(inverse) < float(blind) < 0.5
 
 
 def test_errors_of_the_plan_cost_what_they_move(replicated):
     rows = {(kind, size): cells for kind, size, *cells in table_of(replicated("traechtler"), "plan with errors")}
-    assert len(rows) == 1 + 4 + 3 + 3 + 8
+    sizes = sum(map(len, traechtler_turns.SIZES.values()))
+    assert len(rows) == 1 + sizes + len(traechtler_turns.RECOGNISED)
     # Feedforward alone: the whole offset; a bend recognised behind the look-ahead point is too late for the loop.
     assert float(rows["offset", "± 1 m"][2]) == pytest.approx(1.0, abs=0.1)
     assert "left" in rows["recognised", "5 m ahead"][1] and float(rows["recognised", "5 m ahead"][2]) < 0.1
@@ -284,7 +310,7 @@ def test_only_the_redesign_steers_clearly_faster(replicated):
 
 def test_what_the_gains_do_not_tell_changes_no_conclusion(replicated):
     rows = table_of(replicated("yin"), "Seven cars")
-    assert len(rows) == 7
+    assert len(rows) == len(yin.EQUIVALENT)
     for _, lqr, printed, redesigned, *_ in rows:
         assert float(redesigned) < 0.5 * float(printed) < 0.5 * float(lqr)
 
@@ -406,7 +432,7 @@ def test_backwards_the_printed_accuracy_is_kept_with_the_assumed_lag_and_with_th
 
 def test_lag_and_delay_cost_accuracy_and_above_20_m_s_delay_loses_the_car_without_the_predictor(replicated):
     rows = table_of(replicated("werling"), "What actuator")
-    assert len(rows) == 16
+    assert len(rows) == len(werling_robustness.LOOPS) * len(werling_robustness.SPEEDS)
     for loop, speed, _, peak, _, ahead, _, predicted in rows:
         if "delay" in loop:
             assert ((peak, ahead) == ("lost", "lost")) == (float(speed) > 20.0)
@@ -421,7 +447,7 @@ def test_lag_and_delay_cost_accuracy_and_above_20_m_s_delay_loses_the_car_withou
 def test_the_predictor_stands_a_car_that_it_does_not_know_until_the_delay_is_twice_the_believed_one(replicated):
     found = {car: peaks for car, *peaks in table_of(replicated("werling"), "does not know")}
     lost = {car for car, peaks in found.items() if "lost" in peaks}
-    assert len(found) == 9 and lost == {"delay 220 ms"}
+    assert len(found) == len(werling_robustness.OTHERS) and lost == {"delay 220 ms"}
     # No integrator: up to 0.4 g times a fifth, over omega² = 1, is 0.8 m.
     for sign in "-+":
         assert all(float(peak) < 80.0 for peak in found[f"mass {sign}20 %"])
@@ -429,7 +455,7 @@ def test_the_predictor_stands_a_car_that_it_does_not_know_until_the_delay_is_twi
 
 def test_a_jump_costs_accuracy_only_briefly_up_to_where_the_tyres_have_nothing_left(replicated):
     rows = table_of(replicated("werling"), "position jumps")
-    assert len(rows) == 24
+    assert len(rows) == 3 * len(werling_robustness.ROADS)
     for path, friction, believed, mass, *times, overshoot, steady, fails in rows:
         if path == "straight":
             assert fails.startswith("none") and float(overshoot) < 1.0 and float(steady) == 0.0

@@ -30,6 +30,8 @@ LOOPS: tuple[tuple[str, float, float, float], ...] = (
     ("lag 50 ms, 50 Hz", 0.02, 0.05, 0.0),
     ("lag 50 ms, delay 100 ms, 50 Hz", 0.02, 0.05, 0.1),
 )
+#: At which they are driven, m/s.
+SPEEDS = (5.0, 15.0, 25.0, 35.0)
 
 
 def with_steering(lag: float, delay: float, mass: float = 1.0) -> dict[str, Any]:
@@ -77,7 +79,7 @@ def actuators(found: Replication) -> None:
     """What lag, sampling and delay cost on random roads."""
     rows = []
     for name, step, lag, delay in LOOPS:
-        for speed in (5.0, 15.0, 25.0, 35.0):
+        for speed in SPEEDS:
             cells = []
             for policy in ("werling-lateral", "werling-lateral-ahead", "werling-lateral-predictor"):
                 cells += rms_and_peak(
