@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 
 import numba
 import numpy as np
-from numba.extending import register_jitable
+from numba.core import types
+from numba.core.typing.templates import infer_global
 
 from lanekeep_env.fingerprint import COMPILED_WITH
 from lanekeep_env.interrupts import uninterrupted
@@ -40,11 +41,16 @@ _AS_WRITTEN: dict[str, Any] = {"fastmath": False}
 def inline(function: F, *, as_written: bool = False) -> F:
     """Compile a scalar function of the SIMD loops; always inlined, or the loop around it stays scalar.
 
-    It stays a Python function, which Python can call with floats.
+    It stays a Python function, which Python can call with floats. Not by numba's `register_jitable`, which compiles it
+    again for each set of options of its callers.
     """
     options = {"forceinline": True, **_INTERNAL, **(_AS_WRITTEN if as_written else {})}
     setattr(function, COMPILED_WITH, options)
-    return register_jitable(**options)(function)
+    if not numba.config.DISABLE_JIT:
+        compiled = numba.njit(**options)(function)
+        setattr(function, "_compiled", compiled)  # noqa: B010 - a type keeps no function alive
+        infer_global(function, types.Dispatcher(compiled))
+    return function
 
 
 def helper(function: F, *, as_written: bool = False) -> F:
@@ -69,7 +75,7 @@ def kernel(*, parallel: bool = False) -> Callable[[Callable[..., Any]], Callable
     def compile_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
         if numba.config.DISABLE_JIT:
             return _quiet(function)
-        compiled = numba.njit(nogil=True, parallel=parallel, **_OPTIONS)(function)
+        compiled = numba.njit(nogil=True, no_cfunc_wrapper=True, parallel=parallel, **_OPTIONS)(function)
         compiled._cache = KernelCache(compiled)
         compiled.compile = uninterrupted(_uncollected()(compiled.compile))
         return compiled

@@ -21,6 +21,10 @@ _PART = "part"
 class _Part(JITCodeLibrary):
     """LLVM code of a function that cannot be run by itself."""
 
+    #: Whether it is inlined into every caller: then it is optimised for itself, so that in each of them its sums and
+    #: products come in one order, which decides what is fused. Of others the kernel's optimisation takes care.
+    inlined: bool = False
+
     @property
     def codegen(self) -> Any:
         return _NoEngine()
@@ -28,6 +32,22 @@ class _Part(JITCodeLibrary):
     def get_pointer_to_function(self, name: str) -> int:
         self._ensure_finalized()
         return 0
+
+    def _optimize_functions(self, module: Any) -> None:
+        module.data_layout = str(self._codegen.target_data)
+        passes, builder = self._codegen._function_pass_manager()
+        for function in module.functions:
+            if not function.is_declaration:
+                passes.run(function, builder)
+
+    def _optimize_final_module(self) -> None:
+        if self.inlined:
+            super()._optimize_final_module()
+            return
+        passes, builder = self._codegen._module_pass_manager(
+            loop_vectorize=False, slp_vectorize=False, opt=0, cost="cheap"
+        )
+        passes.run(self._final_module, builder)
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
@@ -72,6 +92,14 @@ class _Typing(Context):
 
     def __init__(self, context: Context) -> None:
         self.__dict__ = context.__dict__
+
+    # What numba keeps by context, it keeps for both.
+
+    def __hash__(self) -> int:
+        return id(self.__dict__)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Context) and other.__dict__ is self.__dict__
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
         # Only operators: what functions mean depends on the options of the caller as well.
@@ -126,6 +154,7 @@ class PartCompiler(CompilerBase):
         state.typingctx, state.flags = _Typing(state.typingctx), _Flags(state.flags)
         state.targetctx.refresh = _nothing  # a copy, which numba has just refreshed, and would for each operation
         state.library = _Part(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.inlined = state.flags.forceinline
         # Of thousands of helpers what numba tells of their types would fill gigabytes, and nobody asks.
         return super()._compile_bytecode()._replace(type_annotation=None)
 
