@@ -33,7 +33,6 @@ PART = (
     (werling_robustness, "SPEEDS", (5.0, 25.0)),
     (werling_robustness, "OTHERS", werling_robustness.OTHERS[:1] + werling_robustness.OTHERS[4:7]),
     (werling_robustness, "ROADS", tuple(werling_robustness.ROADS[i] for i in (0, 2, 5, 6))),
-    (yin, "EQUIVALENT", dict(list(yin.EQUIVALENT.items())[::3])),
 )
 
 
