@@ -36,7 +36,8 @@ def distil(
     Then: lanekeep bench learned --policies lq-preview-offset-free,results/mine/distilled-lane-keep-seed3.json
 
     The same seed gives the same weights. A killed run goes on: lanekeep distil --resume --out results/mine. What is
-    learned from is a file like lanekeep_agents/distil/LaneKeep-v0.toml: --mix my_mix.toml.
+    learned from is a file like lanekeep_agents/distil/LaneKeep-v0.toml: --mix my_mix.toml. RoadWorks-v0, Evasive-v0 and
+    ReversePath-v0 have one as well.
     """
     from lanekeep_agents.distil.run import Distillation, settings_for, settings_in
 

@@ -14,6 +14,7 @@ from lanekeep_agents.distil.mix import Lessons, read_mix
 from lanekeep_agents.distil.run import MIXES, Distillation, settings_for, settings_in
 from lanekeep_agents.teacher import Teacher
 from lanekeep_benchmarks.cli import run
+from lanekeep_env import ENVIRONMENTS, SENSOR_SETS
 
 MIX = """
 base = "lq-preview-offset-free"
@@ -176,9 +177,58 @@ def test_shipped_mixes_learn_on_training_roads_alone():
     """The benchmark drives roads of seed 1."""
     for file in MIXES.glob("*.toml"):
         for lessons in read_mix(file).sets:
-            assert lessons.keywords["road"]["seed"] == 0
+            road = ENVIRONMENTS[lessons.env_id].scenario.from_keywords(**lessons.keywords).road
+            assert getattr(road, "seed", 0) == 0
+
+
+@pytest.mark.parametrize(("env_id", "keywords"), [("LaneKeep-v0", {"preview": 20}), ("Evasive-v0", {})])
+def test_noise_is_a_factor_of_the_environments_own_production_sensors(env_id, keywords):
+    """Of a manoeuvre at 50 Hz, samples come every second step."""
+    lessons = Lessons("one", f"lanekeep/{env_id}", keywords)
+    assert lessons.with_noise(0.0) == keywords
+    found = lessons.with_noise(2.0)["sensors"]
+    assert {name: sensor["noise"] for name, sensor in found.items()} == {
+        name: 2.0 * sensor.noise for name, sensor in SENSOR_SETS["production"].items()
+    }
+    assert found["lateral_error"]["period"] == (0.05 if env_id == "LaneKeep-v0" else 0.04)
+    record = ENVIRONMENTS[lessons.env_id].scenario
+    assert record.from_keywords(**lessons.with_noise(1.0)) == record.from_keywords(**keywords, sensors="production")
+
+
+def test_sets_without_an_id_are_of_the_mix_own(tmp_path):
+    file = tmp_path / "mix.toml"
+    of_evasive = MIX.replace("preview = 20\n", "").replace(
+        "[common.keywords]", '[common]\nenv_id = "lanekeep/Evasive-v0"\n\n[common.keywords]'
+    )
+    file.write_text(of_evasive.replace('name = "mass"', 'name = "mass"\nenv_id = "lanekeep/LaneKeep-v0"'))
+    assert [one.env_id for one in read_mix(file).sets] == ["lanekeep/Evasive-v0", "lanekeep/LaneKeep-v0"]
+
+
+REVERSE = """
+base = "werling-reverse-ahead"
+beside = []
+bound = 0.4
+fade = 8.0
+rounds = 1
+[common]
+env_id = "lanekeep/ReversePath-v0"
+keywords = { departure = "cost", episode_steps = 200 }
+[[set]]
+name = "nominal"
+episodes = 6
+"""
+
+
+def test_a_controller_that_estimates_nothing_is_corrected_on_its_own(tmp_path):
+    """A car that rolls without slip, one controller: products name nothing that there is not."""
+    file = tmp_path / "mix.toml"
+    file.write_text(REVERSE)
+    policy = Distillation(settings_for("ReversePath-v0", 0, file), tmp_path / "run").run()
+    terms = policy.record.student.terms
+    assert not [term for term in terms if term.startswith(("base0.", "base1"))] and "curvature_preview_0" in terms
+    assert lanekeep_agents.load(tmp_path / "run" / "distilled-reverse-path-seed0.json").record == policy.record
 
 
 def test_an_id_without_a_mix_names_those_that_have_one():
-    with pytest.raises(ValueError, match="allowed: LaneKeep-v0"):
+    with pytest.raises(ValueError, match="allowed: Evasive-v0, LaneKeep-v0, ReversePath-v0, RoadWorks-v0,"):
         settings_for("Circuit-v0")

@@ -9,8 +9,10 @@ from collections import defaultdict
 from dataclasses import asdict
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
+from scipy import stats
 
 import lanekeep_agents
 import lanekeep_baselines
@@ -83,6 +85,23 @@ def test_it_drives_better_than_doing_nothing(name):
             return np.zeros((len(observation), record.actions), dtype=np.float32), None
 
     assert held_out.score(policy).mean_return > held_out.score(Nothing()).mean_return
+
+
+@pytest.mark.parametrize("name", [name for name in DISTILLED if name.endswith("-seed0")])
+def test_a_distilled_one_beats_the_controller_that_it_corrects(name):
+    """The differences of the same episodes' returns, with 95 % of Student's distribution."""
+    record = read_record(ZOO / f"{name}.json")
+    keywords, differences = record.training.hyperparameters["env"], np.zeros(32)
+    for sign, load in ((1.0, lanekeep_agents.load), (-1.0, lanekeep_baselines.make)):
+        env = gym.make_vec(record.env_id, 32, vectorization_mode="vector_entry_point", **keywords)
+        policy = load(name if sign > 0.0 else record.base, env.unwrapped.scenario)
+        seen, _ = env.reset(seed=7)
+        state = None
+        for _ in range(env.unwrapped.scenario.episode_steps):
+            action, state = policy.predict(seen, state)
+            seen, reward, *_ = env.step(action)
+            differences += sign * reward
+    assert stats.ttest_1samp(differences, 0.0).confidence_interval(0.95).low > 0.0
 
 
 @pytest.mark.parametrize("name", NETWORKS)

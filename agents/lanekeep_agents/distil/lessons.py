@@ -18,7 +18,7 @@ from lanekeep_env.checks import shown_path
 from lanekeep_env.files import write_atomic
 from lanekeep_env.plain import read_arrays
 
-#: What the optimum starts from beside the controllers of the student.
+#: What the optimum starts from beside the controllers of the student, where it can drive.
 _FURTHER = ("stanley",)
 #: Returns below which a drive teaches nothing: where even the optimum leaves the lane, say.
 _WORST = -15.0
@@ -54,7 +54,8 @@ def shown_by_teacher(lessons: Lessons, seeds: NDArray[np.int64], bases: tuple[st
     """Let the teacher drive a set; its sensors do not matter, for the teacher needs none."""
     optimiser = Optimiser(lessons.env_id, lessons.keywords, seeds.tolist())
     scenario: Any = optimiser.teacher.scenario
-    driving = [lanekeep_baselines.make(name, scenario) for name in (*bases, *_FURTHER)]
+    further = [name for name in _FURTHER if name in lanekeep_baselines.names(scenario)]
+    driving = [lanekeep_baselines.make(name, scenario) for name in (*bases, *further)]
     base = optimiser.drive(driving[0]).returns
     saturates = getattr(scenario, "tyre", "") == "magic_formula"
     drives = best(optimiser, driving, starts=2 if saturates else 1, most=6)

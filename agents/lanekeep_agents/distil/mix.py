@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from lanekeep_env import ENVIRONMENTS, SENSOR_SETS
+from lanekeep_env import ENVIRONMENTS
 from lanekeep_env.checks import choose, from_mapping, require, shown, shown_path
 from lanekeep_env.files import read_bounded
 
@@ -56,11 +56,10 @@ class Lessons:
         """The keywords with noisy sensors."""
         if not factor:
             return dict(self.keywords)
-        noisy = {
-            channel: {**asdict(sensor), "noise": factor * sensor.noise}
-            for channel, sensor in SENSOR_SETS["production"].items()
-        }
-        return {**self.keywords, "sensors": noisy}
+        keywords = {**self.keywords, "sensors": "production"}
+        told: Any = ENVIRONMENTS[self.env_id].scenario.from_keywords(**keywords)
+        noisy = {name: {**asdict(sensor), "noise": factor * sensor.noise} for name, sensor in told.sensors}
+        return {**keywords, "sensors": noisy}
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ class Mix:
 
 
 def read_mix(path: str | Path) -> Mix:
-    """Read a mix; its ``common.keywords`` stand before those of every set.
+    """Read a mix; its ``common.keywords`` stand before those of every set, its ``common.env_id`` for sets without one.
 
     Raises:
         ValueError: it is missing or none; one line with file, field, value and what is allowed.
@@ -111,7 +110,8 @@ def _mix(table: dict[str, Any]) -> Mix:
     shared = common.get("keywords", {}) if isinstance(common, dict) else None
     if not isinstance(shared, dict):
         raise ValueError("common.keywords is not allowed: it must be a table")
-    lessons = tuple(from_mapping(Lessons, one, "set") for one in sets)
+    ids = {"env_id": common["env_id"]} if "env_id" in common else {}
+    lessons = tuple(from_mapping(Lessons, {**ids, **one}, "set") for one in sets)
     lessons = tuple(replace(one, keywords={**shared, **one.keywords}) for one in lessons)
     for name in ("base", "beside", "bound", "fade", "rounds"):
         if name not in table:

@@ -188,7 +188,9 @@ class Distillation:
         # Trained on the first set of the environment, by whose channels everything is named.
         keywords = next(one.keywords for one in mix.sets if one.env_id == settings.env_id)
         scenario: Any = gym.make(settings.env_id, **keywords).unwrapped.scenario  # type: ignore[attr-defined]
-        channels = scenario.channels
+        channels, memory = scenario.channels, getattr(lanekeep_baselines.make(mix.base, scenario), "memory", 0)
+        slips = getattr(scenario, "dynamics", "kinematic") != "kinematic"
+        known = products([one.name for one in channels], memory, 1 + len(mix.beside), slips)
         steps = sum(one.episodes * len(one.noise) for one in mix.sets) * mix.rounds * scenario.episode_steps
         return PolicyRecord(
             name=settings.name,
@@ -215,7 +217,7 @@ class Distillation:
             ),
             base=mix.base,
             bound=mix.bound,
-            student=Student(mix.beside, mix.fade, products([channel.name for channel in channels])),
+            student=Student(mix.beside, mix.fade, known),
         )
 
     def _finished(self, weights: Floats, ratio: float, rounds: list[float], seconds: float) -> StudentPolicy:
