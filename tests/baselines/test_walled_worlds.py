@@ -35,7 +35,8 @@ VARIANTS: dict[str, dict[str, Any]] = {
 #: three variants).
 GLASS = (
     "side windows look like openings until the front cone hears them at an angle, and nearer than the camera sees the "
-    "car takes what the front cone hears for a wall that was shown before, and does not slow down for it"
+    "car takes what the front cone hears for a wall that was shown before, and does not slow down for it; a corner "
+    "that was measured once, past windows, is believed; lost cars back up into walls beside them"
 )
 #: Radius of the S-curves that slaloms leave room for, and further way between their walls, m.
 RADIUS, ROOM = 1.1, 0.8
