@@ -15,7 +15,7 @@ _SPEC.loader.exec_module(scenarios)
 def test_random_scenarios_are_refused_or_driven():
     """Without sensors and backlash: each combination of those is a kernel of its own to compile."""
     found = {"refused": 0, "driven": 0}
-    for number in range(150):
+    for number in range(100):
         alike = np.random.default_rng([1, number // 10, 10])
         case = scenarios.random_case(np.random.default_rng([1, number]), alike)
         case.keywords.pop("sensors", None)
@@ -27,4 +27,4 @@ def test_random_scenarios_are_refused_or_driven():
         kind, message = scenarios.outcome_of(case, vector=False)
         assert kind != "violation", f"case {number}: {case}: {message}"
         found[kind] += 1
-    assert min(found.values()) > 30
+    assert min(found.values()) > 20
