@@ -11,7 +11,7 @@ import re
 import sys
 import tempfile
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from itertools import repeat
 from pathlib import Path
@@ -72,7 +72,7 @@ def executed(name: str, folder: Path) -> Path:
 
 def all_of(make: Callable[[str, Path], Path], folder: Path) -> list[Path]:
     """What ``make``, `run` or `executed`, returns for each notebook, side by side on all processors."""
-    with ThreadPoolExecutor(os.cpu_count()) as pool:  # threads that wait: each notebook has a process of its own
+    with ProcessPoolExecutor(os.cpu_count()) as pool:  # processes, which Ctrl-C reaches
         return list(pool.map(make, SOURCES, repeat(folder)))
 
 

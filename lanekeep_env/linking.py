@@ -93,13 +93,13 @@ class _Typing(Context):
     def __init__(self, context: Context) -> None:
         self.__dict__ = context.__dict__
 
-    # What numba keeps by context, it keeps for both.
+    # What numba keeps by context, it keeps for all copies of one.
 
     def __hash__(self) -> int:
         return id(self.__dict__)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Context) and other.__dict__ is self.__dict__
+        return isinstance(other, _Typing) and other.__dict__ is self.__dict__
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
         # Only operators: what functions mean depends on the options of the caller as well.

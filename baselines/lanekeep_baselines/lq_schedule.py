@@ -86,7 +86,10 @@ class Design:
         on_the_way = found.state[STATES:]
         trusting = weights if speed >= SLOW else replace(weights, steer=min(weights.steer, FOLLOWING))
         filtering = self.estimated.filter(model, trusting, measuring, speed, self.step)
-        return Point(np.concatenate([*parts, on_the_way]), found.curvature, filtering, len(on_the_way))
+        point = Point(np.concatenate([*parts, on_the_way]), found.curvature, filtering, len(on_the_way))
+        for shared in point[:3]:
+            shared.setflags(write=False)
+        return point
 
     def sensitivity(self, tuned: Weights, speed: float, share: float) -> float:
         """Return Ms of car and actuator at a speed, m/s, with weights that have gone ``share`` of the way.

@@ -59,7 +59,9 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _everything(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
 ) -> None:
     """What comes before a command."""
 

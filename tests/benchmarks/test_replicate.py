@@ -21,7 +21,7 @@ from lanekeep_benchmarks.replications.differences import DIFFERENCES
 pytestmark = pytest.mark.long
 
 
-#: What is driven of the tables that take minutes: of each kind the first, the last, and what differs between them.
+#: What is driven of the tables that take minutes: of each kind what differs most.
 PART = (
     (knightriders_parking, "GAPS", knightriders_parking.GAPS[::6]),
     (traechtler, "EDGE_RADII", (8.0, 20.0)),
@@ -34,6 +34,20 @@ PART = (
     (werling_robustness, "OTHERS", werling_robustness.OTHERS[:1] + werling_robustness.OTHERS[4:7]),
     (werling_robustness, "ROADS", tuple(werling_robustness.ROADS[i] for i in (0, 2, 5, 6))),
 )
+
+
+def test_the_tables_that_take_minutes_have_all_their_rows():
+    assert len(traechtler.EDGE_RADII) == 4 and len(yin.EQUIVALENT) == 7
+    assert (len(traechtler_turns.TURNS), len(traechtler_turns.SPEEDS), len(traechtler_turns.RECOGNISED)) == (5, 3, 8)
+    assert {kind: len(sizes) for kind, sizes in traechtler_turns.SIZES.items()} == {
+        "offset": 4,
+        "radius": 3,
+        "angle": 3,
+    }
+    loops, speeds, others, roads = (
+        getattr(werling_robustness, name) for name in ("LOOPS", "SPEEDS", "OTHERS", "ROADS")
+    )
+    assert (len(loops) * len(speeds), len(others), len(roads)) == (16, 9, 8)
 
 
 @pytest.fixture(scope="module", params=["part of it", pytest.param("all of it", marks=pytest.mark.slow)])

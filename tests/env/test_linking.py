@@ -2,6 +2,7 @@
 
 from collections import Counter
 
+import numba
 import numpy as np
 import pytest
 from numba.core import event
@@ -39,6 +40,7 @@ def both(tmp_path, monkeypatch):
     return lone, looped
 
 
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 def test_a_function_is_compiled_once_whoever_calls_it(both):
     lone, looped = both
     with event.install_recorder("numba:compile") as recorded:

@@ -48,8 +48,8 @@ def speed(
             choose("ID", one, lanekeep_env.ENVIRONMENTS)
         if history is not None and history.suffix != ".jsonl":
             raise ValueError(f"--history {history} is not allowed: it must be a .jsonl file")
-        before = read(history) if history is not None else []
         if history is not None:
+            read(history)  # what is wrong with it is told before minutes of measuring
             history.parent.mkdir(parents=True, exist_ok=True)
         notes: list[str] = []
         with progress("groups") as bar:
@@ -66,7 +66,7 @@ def speed(
                 bar.advance(task)
             kinds = ("single",) if quick else tuple(start_up.MAKERS)
             seconds = start_up.start_up(named[:1] if quick else named, kinds, tell)
-        picture = None if history is None else add(history, before, measured)
+        picture = None if history is None else add(history, measured, quick)
     if as_json:
         print(json.dumps(_plain(measured, seconds, notes)))
         return

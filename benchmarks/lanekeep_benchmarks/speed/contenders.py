@@ -192,7 +192,7 @@ def gymnax_cartpole() -> Callable[[int], int]:
         nonlocal state
         for _ in range(calls):
             observation, state, *_ = step(keys, state, action, parameters)
-            observation.block_until_ready()
+            jax.block_until_ready((observation, state))
         return calls * CARS
 
     return run

@@ -12,6 +12,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from lanekeep_benchmarks.looks import GRID, png
+from lanekeep_benchmarks.machine import this_machine
 from lanekeep_benchmarks.run_record import code_hash
 from lanekeep_benchmarks.speed.rounds import Measured
 from lanekeep_env import __version__
@@ -34,8 +35,8 @@ def read(file: Path) -> list[dict[str, Any]]:
     return [_entry(file, number, line) for number, line in enumerate(content.splitlines(), 1) if line.strip()]
 
 
-def add(file: Path, before: Sequence[dict[str, Any]], measured: Mapping[str, Measured]) -> Path:
-    """Write the measurements so far and this one, and draw them beside, as a .png, whose path is returned.
+def add(file: Path, measured: Mapping[str, Measured], quick: bool) -> Path:
+    """Add a measurement to those that the file has by now, and draw all beside, as a .png, whose path is returned.
 
     Rates stay out: they are the machine's.
     """
@@ -46,7 +47,8 @@ def add(file: Path, before: Sequence[dict[str, Any]], measured: Mapping[str, Mea
         for rival, ratio in rivals.items()
     }
     when = f"{datetime.now(UTC):%Y-%m-%d %H:%M}"
-    entries = [*before, {"date": when, "version": __version__, "code": code_hash(), "ratios": ratios}]
+    entry = {"date": when, "version": __version__, "code": code_hash(), "quick": quick, "machine": this_machine()}
+    entries = [*read(file), {**entry, "ratios": ratios}]
     write_atomic(file, "".join(json.dumps(entry, ensure_ascii=False) + "\n" for entry in entries))
     picture = file.with_suffix(".png")
     write_atomic(picture, plot(entries))
@@ -69,7 +71,8 @@ def plot(entries: Sequence[Mapping[str, Any]]) -> bytes:
             middle, low, high = zip(*given, strict=True)
             colour, style = f"C{place % 10}", _STYLES[place // 10 % len(_STYLES)]
             label = name.partition(": ")[2].partition(" ÷ ")[0]
-            axes.plot(middle, style, marker=".", color=colour, label=f"{label}: {middle[-1]:.3g}")
+            last = next(one for one in reversed(middle) if math.isfinite(one))
+            axes.plot(middle, style, marker=".", color=colour, label=f"{label}: {last:.3g}")
             axes.vlines(range(len(entries)), low, high, color=colour, alpha=0.4)
         axes.set_yscale("log")
         axes.set_title(title, loc="left", fontsize=10)
@@ -91,7 +94,7 @@ def _entry(file: Path, number: int, line: bytes) -> dict[str, Any]:
         entry = None
     texts = isinstance(entry, dict) and all(isinstance(entry.get(key), str) for key in ("date", "version", "code"))
     ratios = entry.get("ratios") if texts else None
-    if not isinstance(ratios, dict) or not all(map(_is_ratio, ratios.values())):
+    if not isinstance(ratios, dict) or not ratios or not all(map(_is_ratio, ratios.values())):
         raise ValueError(f"{shown_path(file)} line {number} is no measurement of `lanekeep speed --history`")
     return dict(entry)
 
