@@ -6,6 +6,7 @@ it. Of helpers the machine code would never run: a kernel holds their code.
 
 from __future__ import annotations
 
+import copy
 from typing import Any, ClassVar
 
 from llvmlite.binding import parse_bitcode
@@ -101,6 +102,9 @@ class _Typing(Context):
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Typing) and other.__dict__ is self.__dict__
 
+    def refresh(self) -> None:
+        """Do nothing."""
+
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
         # Only operators: what functions mean depends on the options of the caller as well.
         operator = getattr(getattr(func, "typing_key", None), "__module__", None) == "_operator"
@@ -142,6 +146,12 @@ class _Flags(Flags):
 class PartCompiler(CompilerBase):
     """Compiles a function for those that call it."""
 
+    def __init__(self, typing: Any, target: Any, *others: Any) -> None:
+        # The kernel around it has refreshed both, and no function of ours brings new types.
+        target = copy.copy(target)
+        target.refresh = _nothing
+        super().__init__(_Typing(typing), target, *others)
+
     def define_pipelines(self) -> list[PassManager]:
         passes = PassManager("part")
         for one in _PASSES:
@@ -151,8 +161,7 @@ class PartCompiler(CompilerBase):
 
     def _compile_bytecode(self) -> CompileResult:
         state = self.state
-        state.typingctx, state.flags = _Typing(state.typingctx), _Flags(state.flags)
-        state.targetctx.refresh = _nothing  # a copy, which numba has just refreshed, and would for each operation
+        state.flags = _Flags(state.flags)
         state.library = _Part(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.inlined = state.flags.forceinline
         # Of thousands of helpers what numba tells of their types would fill gigabytes, and nobody asks.

@@ -12,7 +12,7 @@ from gymnasium.utils import seeding
 from lanekeep_env import layout as at
 from lanekeep_env.engine.packed import Packed
 from lanekeep_env.engine.reset_options import DRAWN, bounds, split, start_rows
-from lanekeep_env.engine.step import Family, reset_kernel, step_kernels
+from lanekeep_env.engine.step import Family, step_kernels
 from lanekeep_env.engine.threads import Faster
 from lanekeep_env.physics.models import CarModel
 from lanekeep_env.plain import own
@@ -22,7 +22,7 @@ from lanekeep_env.sensing.measure import TRUTH
 BLOCK = 256
 
 #: What `_bind` fetches.
-_NOT_KEPT = ("ground", "index", "equipment", "packed", "run", "run_parallel", "_reset")
+_NOT_KEPT = ("ground", "index", "equipment", "packed", "run", "run_parallel")
 
 
 class Cars:
@@ -78,7 +78,8 @@ class Cars:
         self.observation = np.zeros((num_cars, self.num_channels), dtype=np.float32)
         rows = self.outcome_rows
         self._outcome_shape = (2 * rows + self.num_channels if autoreset == at.SAME_STEP else rows), num_cars
-        self._free_start = np.full((at.START_ROWS, num_cars), np.nan)
+        self.starting = np.zeros(num_cars, dtype=np.bool_)
+        self.start = np.full((at.START_ROWS, num_cars), np.nan)
         self.seeded = False
 
     def _bind(self) -> None:
@@ -88,7 +89,7 @@ class Cars:
     @cached_property
     def packed(self) -> Packed:
         """What kernels are given beside the outcome."""
-        return Packed(*self.state, self.action.reshape(-1), self.observation)
+        return Packed(*self.state, (self.starting, self.start), self.action.reshape(-1), self.observation)
 
     @property
     def step(self) -> Any:
@@ -120,11 +121,6 @@ class Cars:
 
     def _stepper(self, which: int) -> Callable[..., None]:
         return self.packed.entry(self._kernels[which], 0, len(self.cars), self.new_outcome())
-
-    @cached_property
-    def _reset(self) -> Callable[..., None]:
-        example = np.ones(self.num_cars, dtype=np.bool_), self._free_start, self.new_outcome()
-        return self.packed.entry(reset_kernel(self._compiled[1]), *example)
 
     def _settings(self) -> np.ndarray:
         gathered = self.scenario.gathered(perfect=self.sensors is None)
@@ -168,14 +164,15 @@ class Cars:
 
     def reset(self, options: dict[str, Any] | None, mask: np.ndarray, outcome: np.ndarray) -> None:
         """Start the next episode of the cars in ``mask`` (bool, (n,)), writing their observations and truth."""
-        start = self._free_start
+        self.starting[:], self.start[:] = mask, np.nan
         if options is not None and options != {}:
             fixed, drawn = split(options, self.start_options)
             start = start_rows(fixed, self.start_options, self.num_cars)
             self._check_place(start)
+            self.start[:] = start
             if drawn:
                 self.ranges[:] = bounds(drawn, self.scenario, self.ranges)
-        self._reset(self.packed.handle, mask, start, outcome)
+        self.run(self.packed.handle, 0, 0, outcome)
 
     def narrow(self, options: dict[str, Any]) -> None:
         """Keep those reset options that bound what episodes draw, for each car's next one on."""

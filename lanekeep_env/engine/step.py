@@ -221,25 +221,51 @@ def _finisher(family: Family) -> Callable[..., Any]:
 
 
 @functools.cache
+def _resetter(family: Family) -> Callable[..., Any]:
+    """Return the compiled function that starts next episodes where ``wanted`` = (`Cars.starting`, `Cars.start`) says.
+
+    What is NaN in ``start`` (`layout.START_ROWS`, n) is drawn.
+    """
+    begin = _starter(family)
+
+    @helper
+    @named(family.name)
+    def reset(wanted, cars, counters, world, settings, equipment, told):
+        (mask, start), (_, outcome) = wanted, told
+        for column in range(mask.shape[0]):
+            if mask[column]:
+                for row in (at.O_REWARD, at.O_TERMINATED, at.O_TRUNCATED):
+                    outcome[row, column] = like(settings[0], 0.0)
+                place = column // cars.shape[2], column % cars.shape[2]
+                fixed = start[0, column], start[1, column], start[2, column], start[3, column]
+                begin(place, fixed, cars, counters, world, settings, equipment, told)
+
+    return reset
+
+
+@functools.cache
 def step_kernels(model: CarModel, family: Family, num_actions: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Return the kernels of one control step of a vehicle model in a family, on one thread and on several.
 
-    They step the blocks ``begin`` to ``end``. What is packed is `Cars.state`, whose ``equipment`` begins with (sensors,
-    gear, slip-speed floor), each None where the scenario has none, or the usual one: what it lacks is then no part of
-    the kernel.
+    They step the blocks ``begin`` to ``end``; where there are none, the first one starts the next episodes of the cars
+    in `Cars.starting`: a kernel of its own would compile all of a start once more. What is packed is `Cars.packed`,
+    whose ``equipment`` begins with (sensors, gear, slip-speed floor), each None where the scenario has none, or the
+    usual one: what it lacks is then no part of the kernel.
     """
     advance, show, paced, finish = model.advance, model.show, model.pace == PACED, _finisher(family)
     begin_step, act, command_row = family.begin, family.act, family.command_row
     before_substep, after_substep = family.before_substep, family.after_substep
-    take_actions = _taker(num_actions)
+    take_actions, reset = _taker(num_actions), _resetter(family)
     name = f"{family.name}_{model.name}_{num_actions}"
 
     @kernel()
     @named(name)
     def step(packed, begin, end, outcome):
-        cars, counters, ground, index, settings, equipment, action, observation = unpack(packed)
-        gear, floor, world = equipment[1], equipment[2], (ground, index)
+        cars, counters, ground, index, settings, equipment, wanted, action, observation = unpack(packed)
+        gear, floor, world, told = equipment[1], equipment[2], (ground, index), (observation, outcome)
         before = flush_subnormals(settings[0])
+        if begin == end:
+            reset(wanted, cars, counters, world, settings, equipment, told)
         for k in range(begin, end):
             block = cars[k]
             if paced:
@@ -254,7 +280,7 @@ def step_kernels(model: CarModel, family: Family, num_actions: int) -> tuple[Cal
                 advance(block, acting_row(substep, block, settings, command_row), settings, gear, floor)
                 after_substep(k, cars, counters, world)
             show(block, settings, floor)
-            finish(k, cars, counters, world, settings, equipment, (observation, outcome))
+            finish(k, cars, counters, world, settings, equipment, told)
         restore_subnormals(settings[0], before)
 
     @kernel(parallel=True)
@@ -264,23 +290,3 @@ def step_kernels(model: CarModel, family: Family, num_actions: int) -> tuple[Cal
             step(packed, k, k + 1, outcome)
 
     return step, step_parallel
-
-
-@functools.cache
-def reset_kernel(family: Family) -> Callable[..., Any]:
-    """Return the kernel that starts the next episode where ``mask`` is set; ``start`` (4, n) fixes what is not NaN."""
-    begin = _starter(family)
-
-    @kernel()
-    @named(family.name)
-    def reset(packed, mask, start, outcome):
-        cars, counters, ground, index, settings, equipment, _, observation = unpack(packed)
-        for column in range(mask.shape[0]):
-            if mask[column]:
-                for row in (at.O_REWARD, at.O_TERMINATED, at.O_TRUNCATED):
-                    outcome[row, column] = like(settings[0], 0.0)
-                place = column // cars.shape[2], column % cars.shape[2]
-                wanted = start[0, column], start[1, column], start[2, column], start[3, column]
-                begin(place, wanted, cars, counters, (ground, index), settings, equipment, (observation, outcome))
-
-    return reset

@@ -16,7 +16,7 @@ from numba.core.dispatcher import Dispatcher
 import lanekeep_env
 from lanekeep_env.compile import inline, kernel
 from lanekeep_env.engine.effort import by_motor
-from lanekeep_env.engine.step import reset_kernel, step_kernels
+from lanekeep_env.engine.step import step_kernels
 from lanekeep_env.families.road.cars import RoadCars
 from lanekeep_env.families.road.disturbed import disturbed
 from lanekeep_env.families.road.drive_kernel import DRIVING
@@ -69,11 +69,9 @@ KERNELS += [
 KERNELS += [made for model in MODELS if model.pace == PACED for made in step_kernels(model, ON_COURSES, 2)]
 KERNELS += [made for model in MODELS if model.pace == PROFILE for made in step_kernels(model, WITH_DRIVER, 2)]
 KERNELS += step_kernels(models.FRONT_DRIVEN, GUIDED, 1)
-FAMILIES = (ON_ROADS, DRIVING, AMONG_TRAFFIC, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)
-KERNELS += [reset_kernel(family) for family in FAMILIES]
 DISTURBED = [disturbed(family, RoadCars.axle_rows, RoadCars.asked_rows) for family in (ON_ROADS, DRIVING)]
 for model, family, n in zip((models.LINEAR, models.POWERED), DISTURBED, (1, 2), strict=True):
-    KERNELS += [*step_kernels(models.with_pushes(model), family, n), reset_kernel(family)]
+    KERNELS += step_kernels(models.with_pushes(model), family, n)
 KERNELS += step_kernels(models.LINEAR, by_motor(ON_ROADS), 1)
 
 
@@ -185,7 +183,7 @@ PRINT = """
 import sys
 import lanekeep_env.walls.raycast
 from lanekeep_env.engine.effort import by_motor
-from lanekeep_env.engine.step import reset_kernel, step_kernels
+from lanekeep_env.engine.step import step_kernels
 from lanekeep_env.families.road.cars import RoadCars
 from lanekeep_env.families.road.disturbed import disturbed
 from lanekeep_env.families.road.drive_kernel import DRIVING
@@ -219,11 +217,9 @@ for model in [model for model in vars(models).values() if isinstance(model, mode
         print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
 for model, own, n in ((models.LINEAR, ON_ROADS, 1), (models.POWERED, DRIVING, 2)):
     family = disturbed(own, RoadCars.axle_rows, RoadCars.asked_rows)
-    for value in (*step_kernels(models.with_pushes(model), family, n), reset_kernel(family)):
+    for value in step_kernels(models.with_pushes(model), family, n):
         print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
 for value in step_kernels(models.LINEAR, by_motor(ON_ROADS), 1):
-    print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
-for value in map(reset_kernel, (ON_ROADS, DRIVING, AMONG_TRAFFIC, WITH_DRIVER, GUIDED, BETWEEN_WALLS, ON_COURSES)):
     print(f"{value.__module__}.{value.py_func.__name__}", fingerprint(value))
 """
 
