@@ -194,7 +194,7 @@ def _able(names: Callable[..., tuple[str, ...]], definitions: Iterable[Any]) -> 
 
 
 def make_policy(name: str, scenario: Any) -> Policy:
-    """Make a classical controller for ``scenario``, or load a learned or a tuned policy, by name or file's path, for it.
+    """Make a classical controller for ``scenario``, or load a learned or tuned policy, by name or its file's path.
 
     Raises:
         ValueError, OSError, ImportError: unknown, not for this scenario, broken, or without a package that it needs.

@@ -45,6 +45,12 @@ class Course:
             for i, (lessons, noise) in enumerate(settings.drills)
         ]
 
+    def check(self, policy: str) -> None:
+        """Raise ValueError, one line, unless the controller can drive all sets."""
+        for held_out, _ in self._sets:
+            if lacking := lanekeep_baselines.policy_class(policy).lacking(held_out.scenario):
+                raise ValueError(lacking)
+
     def drive(self, policy: Factory) -> list[Drives]:
         """Drive a policy, designed for each set, through it.
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from lanekeep_benchmarks.looks import GRID, colour_of, png
 from lanekeep_benchmarks.tune.run import Trial
@@ -25,30 +26,39 @@ def plot_trials(title: str, space: Space, trials: Sequence[Trial]) -> bytes:
     low, high = _limits(scores)
     outside = ~(scores >= low)
     shown = np.where(outside, low, scores)
-    rows = 1 + math.ceil(len(space.ranges) / _ROW)
-    figure = Figure(figsize=(13, 1.0 + 3.0 * rows), layout="constrained")
-    grid = figure.add_gridspec(rows, _ROW)
-    panels = [(figure.add_subplot(grid[0, :]), np.arange(len(trials)), "trial", False)]
+    columns = min(_ROW, len(space.ranges))
+    rows = 1 + math.ceil(len(space.ranges) / columns)
+    figure = Figure(figsize=(13, 0.8 + 2.9 * rows), layout="constrained")
+    grid = figure.add_gridspec(rows, columns)
+    first = figure.add_subplot(grid[0, :])
+    panels = [(first, np.arange(len(trials)))]
     for i, (name, one) in enumerate(space.ranges.items()):
-        axes = figure.add_subplot(grid[1 + i // _ROW, i % _ROW])
-        panels.append((axes, np.array([trial.values[name] for trial in trials]), name, one.log or bool(one.choices)))
-    for axes, across, name, logarithmic in panels:
+        axes = figure.add_subplot(grid[1 + i // columns, i % columns])
+        panels.append((axes, np.array([trial.values[name] for trial in trials])))
+        edges = (min(one.choices), max(one.choices)) if one.choices else (one.low, one.high)
+        if one.log or one.choices:
+            axes.set_xscale("log", subs=[2, 5])
+            axes.set_xlim(edges[0] / 1.1, edges[1] * 1.1)
+            axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter(NullFormatter())
+        else:
+            axes.set_xlim(*edges)
+        axes.set_xlabel(name)
+    for axes, across in panels:
         axes.axhline(0.0, color="#909090", linewidth=0.8, linestyle="--")
         axes.plot(across[~outside], shown[~outside], "o", color=colour_of(5), markersize=4)
-        axes.plot(across[outside], shown[outside], "v", color="#909090", markersize=4, clip_on=False)
+        if outside.any():
+            axes.plot(across[outside], shown[outside], "v", color="#909090", markersize=4)
         axes.plot(across[0], shown[0], "s", color=colour_of(6), markersize=6, label="shipped")
         axes.plot(across[best], shown[best], "D", color=colour_of(1), markersize=6, label="best")
-        if logarithmic:
-            axes.set_xscale("log")
         axes.set_ylim(low, high)
-        axes.set_xlabel(name)
         axes.grid(**GRID)
-    first = panels[0][0]
-    first.plot(
-        np.fmax.accumulate(scores), drawstyle="steps-post", color=colour_of(0), linewidth=1.3, label="best so far"
-    )
+    so_far = np.fmax.accumulate(scores)
+    first.plot(so_far, drawstyle="steps-post", color=colour_of(0), linewidth=1.3, label="best so far")
+    first.xaxis.set_major_locator(MaxNLocator(integer=True))
+    first.set_xlabel("trial")
     first.set_ylabel("gain over the shipped values [%]")
-    first.legend(loc="lower right", fontsize=9, frameon=False, ncols=3)
+    figure.legend(*first.get_legend_handles_labels(), loc="outside lower center", fontsize=9, frameon=False, ncols=3)
     figure.suptitle(title, fontsize=11)
     return png(figure)
 

@@ -18,6 +18,7 @@ from lanekeep_benchmarks.tune.drives import Trials
 from lanekeep_benchmarks.tune.run import Outcome
 from lanekeep_benchmarks.tune.settings import TuneSettings
 from lanekeep_benchmarks.tune.space import is_learned, nested
+from lanekeep_env.plain import json_able
 
 
 def command(settings: TuneSettings) -> str:
@@ -46,7 +47,14 @@ def best_text(settings: TuneSettings, outcome: Outcome, folder: Path) -> str:
             "episodes": sum(len(one.returns) for one in outcome.tuned),
         },
         "sets": [
-            {**asdict(lessons), "noise": noise, "shipped": _scores(shipped), "tuned": _scores(tuned)}
+            {
+                "name": lessons.name,
+                "env_id": lessons.env_id,
+                "keywords": json_able(lessons.keywords),
+                "noise": noise,
+                "shipped": _scores(shipped),
+                "tuned": _scores(tuned),
+            }
             for (lessons, noise), shipped, tuned in zip(settings.drills, outcome.shipped, outcome.tuned, strict=True)
         ],
         "versions": settings.versions,

@@ -15,7 +15,7 @@ from lanekeep_benchmarks.statistics import Interval, means
 from lanekeep_benchmarks.tune.drives import Course, Trials, paired_gains, score_of
 from lanekeep_benchmarks.tune.search import Values, seed_of, suggest
 from lanekeep_benchmarks.tune.settings import JUDGED, MOST, SETTINGS, TuneSettings
-from lanekeep_benchmarks.tune.space import space_of
+from lanekeep_benchmarks.tune.space import is_learned, space_of
 from lanekeep_env.checks import require, shown, shown_path
 from lanekeep_env.files import locked, read_bounded, require_ordinary, write_atomic
 from lanekeep_env.plain import parse_json
@@ -100,10 +100,12 @@ class Tuning:
     def run(self, report: Report | None = None) -> Outcome:
         """Do the trials that are left, judge the best one on other episodes and return it."""
         told = report or (lambda done, words: None)
+        made, course = Trials(self.settings, self.folder), Course(self.settings, "search")
+        if not is_learned(self.settings.policy):
+            course.check(self.settings.policy)
         self.folder.mkdir(parents=True, exist_ok=True)
         with locked(self.folder):
             write_atomic(self.folder / SETTINGS, self.settings.text())
-            made, course = Trials(self.settings, self.folder), Course(self.settings, "search")
             seconds = self._seconds()
             while len(self.trials) < self.settings.trials:
                 began = time.process_time()

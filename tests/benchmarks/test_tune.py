@@ -1,0 +1,309 @@
+"""`lanekeep tune`: runs that are killed, repeated, damaged and refused, and what they leave for the benchmark."""
+
+import json
+import shutil
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import lanekeep_baselines
+from lanekeep_agents.distil.mix import Lessons
+from lanekeep_agents.training.evaluation import HeldOut
+from lanekeep_baselines.lq import LinearQuadraticGaussian, LqPreviewOffsetFree
+from lanekeep_baselines.lq_design import Weights
+from lanekeep_baselines.margins import margins
+from lanekeep_baselines.tunable import read_tuned, tuned_text
+from lanekeep_benchmarks import policies
+from lanekeep_benchmarks.cli import run
+from lanekeep_benchmarks.statistics import Interval
+from lanekeep_benchmarks.tune import run as tuning
+from lanekeep_benchmarks.tune.drives import paired_gains, score_of
+from lanekeep_benchmarks.tune.picture import plot_trials
+from lanekeep_benchmarks.tune.record import best_text, chance, in_words
+from lanekeep_benchmarks.tune.search import seed_of
+from lanekeep_benchmarks.tune.settings import TuneSettings, settings_for, settings_in
+from lanekeep_benchmarks.tune.space import space_of
+from lanekeep_env.scenario import LaneKeepScenario
+
+SHORT = {"departure": "cost", "episode_steps": 40, "speed": 20.0}
+SETS = (
+    Lessons("plain", keywords=SHORT),
+    Lessons("heavy", keywords={**SHORT, "randomisation": {"mass": [1.1, 1.3]}}, noise=(0.0, 1.0)),
+)
+TRIALS = 5
+
+
+def _settings(**changes):
+    given = {"policy": "pd", "env_id": "lanekeep/LaneKeep-v0", "trials": TRIALS, "seed": 3, "steps": None, "sets": SETS}
+    return TuneSettings(**{**given, "versions": settings_for("pd", "LaneKeep-v0", 1).versions, **changes})
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _few_episodes():
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("lanekeep_benchmarks.tune.settings.EPISODES", 3)
+        yield
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A run from its beginning to its end."""
+    folder = tmp_path_factory.mktemp("whole") / "run"
+    outcome = tuning.Tuning(_settings(), folder).run()
+    return folder, outcome
+
+
+def test_a_trials_returns_are_those_of_single_episodes(whole):
+    """Of the set of plain cars, with the values that the file says."""
+    folder, _ = whole
+    for line in (folder / tuning.TRIALS).read_text().splitlines()[:2]:
+        found, returns = json.loads(line), []
+        for i in range(3):
+            env = gym.make("lanekeep/LaneKeep-v0", **SHORT)
+            policy = lanekeep_baselines.make("pd", env.unwrapped.scenario, **found["values"])
+            observation, _ = env.reset(seed=seed_of("search", "lanekeep/LaneKeep-v0", 3, 0) + i)
+            total, over = 0.0, False
+            while not over:
+                observation, reward, terminated, truncated, _ = env.step(policy.predict(observation)[0])
+                total, over = total + reward, terminated or truncated
+            returns.append(total)
+        assert found["returns"][0] == pytest.approx(np.mean(returns), rel=1e-5)
+        assert found["steps"] == 3 * 3 * 40
+
+
+def test_a_run_that_was_killed_ends_as_one_that_was_not(whole, tmp_path):
+    folder, outcome = whole
+    wanted = (folder / tuning.TRIALS).read_bytes()
+    assert len(wanted.splitlines()) == TRIALS
+    for killed in range(TRIALS):
+        there = tmp_path / str(killed)
+
+        def kill(done, words, killed=killed):
+            if done == killed + 1:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            tuning.Tuning(_settings(), there).run(kill)
+        assert len((there / tuning.TRIALS).read_bytes().splitlines()) == killed + 1
+        again = tuning.Tuning(_settings(), there, resume=True).run()
+        assert (there / tuning.TRIALS).read_bytes() == wanted
+        assert (again.number, again.gain, again.steps) == (outcome.number, outcome.gain, outcome.steps)
+    # What is written after the trials' seconds and before the trials themselves is written again.
+    lines = wanted.splitlines(keepends=True)
+    (there / tuning.TRIALS).write_bytes(b"".join(lines[:2]))
+    tuning.Tuning(_settings(), there, resume=True).run()
+    assert (there / tuning.TRIALS).read_bytes() == wanted
+
+
+def test_another_seed_meets_other_episodes_and_searches_elsewhere(whole, tmp_path):
+    tuning.Tuning(_settings(seed=4, trials=2), tmp_path / "run").run()
+    ours, theirs = ((one / tuning.TRIALS).read_text().splitlines() for one in (tmp_path / "run", whole[0]))
+    for mine, yours in zip(map(json.loads, ours), map(json.loads, theirs), strict=False):
+        assert mine["returns"] != yours["returns"]
+        assert (mine["values"] == yours["values"]) == (mine["trial"] == 0)
+
+
+def _line(number, **changes):
+    def change(lines):
+        lines[number] = json.dumps({**json.loads(lines[number]), **changes})
+        return lines
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (_line(2, values={"lateral_gain": 0.1, "heading_gain": 0.5}), "asks for other values"),
+        (_line(1, values={"lateral_gain": 0.1}), "asks for other values"),
+        (_line(1, score=9.0), "not that of the returns"),
+        (_line(1, returns=[0.0, 0.0, 0.0]), "not that of the returns"),
+        (_line(1, returns=[0.0]), "returns must be 3 numbers"),
+        (_line(1, returns=None), "line 2 is not of this run"),
+        (_line(3, trial=4), "must be trial 3"),
+        (_line(3, more=1), "must be trial 3"),
+        (_line(0, steps=-1), "steps=-1 is not allowed"),
+        (_line(0, score=None), "line 1 is not of this run"),
+        (lambda lines: [*lines[:1], *lines[2:]], "must be trial 1"),
+        (lambda lines: [*lines, lines[-1]], "has 6 trials; the run asks for 5"),
+        (lambda lines: [lines[0].replace("0.0,", "NaN,", 1), *lines[1:]], "line 1 is not of this run"),
+        (lambda lines: [*lines[:2], "[" * 100_000], "nested deeper"),
+        (lambda lines: [*lines[:2], "[]"], "line 3 is not of this run"),
+        (lambda lines: [*lines[:2], lines[2][:40]], "line 3 is not of this run"),
+    ],
+)
+def test_trials_that_the_run_has_not_written_are_refused(whole, tmp_path, damage, says):
+    folder = shutil.copytree(whole[0], tmp_path / "run")
+    lines = damage((folder / tuning.TRIALS).read_text().splitlines())
+    (folder / tuning.TRIALS).write_text("\n".join(lines) + "\n")
+    with pytest.raises(ValueError, match=says) as error:
+        tuning.Tuning(_settings(), folder, resume=True)
+    assert "\n" not in str(error.value) and len(str(error.value)) < 1000
+
+
+def test_runs_are_not_replaced_and_only_that_very_run_goes_on(whole, tmp_path):
+    folder = whole[0]
+    with pytest.raises(ValueError, match="already holds a run; name another folder, or go on with it: --resume"):
+        tuning.Tuning(_settings(), folder)
+    for changes in ({"trials": 6}, {"seed": 4}, {"policy": "stanley"}, {"sets": SETS[:1]}, {"versions": {}}):
+        with pytest.raises(ValueError, match="holds another run"):
+            tuning.Tuning(_settings(**changes), folder, resume=True)
+    with pytest.raises(ValueError, match="holds no run to resume"):
+        tuning.Tuning(_settings(), tmp_path, resume=True)
+    (tmp_path / tuning.BEST).write_text("somebody's")
+    with pytest.raises(ValueError, match="already holds a run"):
+        tuning.Tuning(_settings(), tmp_path)
+    assert settings_in(folder).text() == _settings().text()
+    (tmp_path / "settings.json").write_text('{"sets": [{"name": "x", "code": 1}]}')
+    with pytest.raises(ValueError, match="not the record of a run"):
+        settings_in(tmp_path)
+
+
+def test_scores_are_shares_of_the_shipped_values_return():
+    """Minus 2 instead of minus 4 is half of a cost less, 6 instead of 4 half of a gain more; both count alike."""
+    assert score_of([-2.0, 6.0], [-4.0, 4.0]) == pytest.approx(0.5)
+    assert score_of([-4.0, 4.0], [-4.0, 4.0]) == 0.0
+    assert score_of([1.0], [0.0]) == 1.0
+
+
+def test_paired_gains_mean_the_score(whole):
+    _, outcome = whole
+    gains = paired_gains(outcome.tuned, outcome.shipped)
+    means = [[float(one.returns.mean()) for one in drives] for drives in (outcome.tuned, outcome.shipped)]
+    assert gains.mean() == pytest.approx(score_of(*means), rel=1e-12) == pytest.approx(outcome.gain.value, rel=1e-12)
+    assert outcome.gain.low <= outcome.gain.value <= outcome.gain.high
+
+
+def test_a_tuned_controller_drives_in_the_benchmark_as_the_same_values_in_python(whole, tmp_path):
+    folder, outcome = whole
+    file = tmp_path / "best.json"
+    file.write_text(best_text(_settings(), outcome, folder))
+    found = read_tuned(file)
+    assert found == ("pd", outcome.best.values)
+    budget = json.loads(file.read_text())["budget"]
+    assert budget["trials"] == TRIALS and budget["environment_steps"] == TRIALS * 3 * 3 * 40
+    scenario = LaneKeepScenario()
+    entry = policies.entry_of(str(file))
+    assert len(entry.sha256) == 64
+    drivers = [
+        entry.make(scenario),
+        lanekeep_baselines.load(file, scenario),
+        lanekeep_baselines.make("pd", scenario, **found.values),
+    ]
+    returns = {
+        tuple(HeldOut("lanekeep/LaneKeep-v0", {"episode_steps": 30}, 4, 5).drive(one).returns) for one in drivers
+    }
+    assert len(returns) == 1
+    shipped = HeldOut("lanekeep/LaneKeep-v0", {"episode_steps": 30}, 4, 5).drive(
+        lanekeep_baselines.make("pd", scenario)
+    )
+    assert tuple(shipped.returns) not in returns
+
+
+def test_shipped_values_are_the_shipped_controller(whole):
+    """To the last bit."""
+    scenario = LaneKeepScenario(preview=20)
+    observations = np.random.default_rng(1).normal(0.0, 0.1, (50, len(scenario.channels)))
+    observations[:, [channel.name for channel in scenario.channels].index("speed")] = 20.0
+    for name in ("pd", "stanley", "pure-pursuit", "lq-preview", "lqg"):
+        start = space_of(name, "lanekeep/LaneKeep-v0").start
+        actions = [lanekeep_baselines.make(name, scenario, **values).predict(observations)[0] for values in ({}, start)]
+        assert np.array_equal(*actions), name
+
+
+@pytest.mark.parametrize("policy", [LqPreviewOffsetFree, LinearQuadraticGaussian])
+def test_tuned_weights_keep_their_margins(policy):
+    """Weights that as they are have an Ms above 2 are moved as the shipped ones are."""
+    values = {"rate": 0.2, "slip": 1e-3, "drift": 2e-2, "bend": 1.0, "lag": 0.0}
+    scenario = LaneKeepScenario(preview=20)
+    bare = policy(scenario, Weights(**values, steer=policy.weights.steer))
+    tuned = lanekeep_baselines.make(policy.name, scenario, **values)
+    speeds = (10.0, 20.0, 40.0)
+    assert max(margins(bare, scenario, speed).sensitivity for speed in speeds) > 2.0
+    assert max(margins(tuned, scenario, speed).sensitivity for speed in speeds) <= 2.0
+
+
+GOOD = {"lateral_gain": 0.03, "heading_gain": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "best.json"),
+        ("[]", "format=None is not allowed"),
+        ('{"format": "lanekeep-tuned-2"}', "format='lanekeep-tuned-2' is not allowed"),
+        (tuned_text("pd", {}, {}), "must be a name and numbers"),
+        (tuned_text("pd", {**GOOD, "heading_gain": "1"}, {}), "must be a finite number"),
+        (tuned_text("pd", {**GOOD, "heading_gain": True}, {}), "must be a finite number"),
+        (tuned_text("pd", {**GOOD, "heading_gain": float("nan")}, {}), "NaN"),
+        (tuned_text("pd", {**GOOD, "heading_gain": 100.0}, {}), "heading_gain=100.0 is not allowed"),
+        (tuned_text("pd", {"predict": 1.0}, {}), "has no option 'predict'"),
+        (tuned_text("pdd", GOOD, {}), "did you mean 'pd'"),
+        (tuned_text("yin-lqr", GOOD, {}), "has no option 'lateral_gain'; allowed: none"),
+        ('{"format": "lanekeep-tuned-1", "x": ' + "[" * 100 + "]" * 100 + "}", "nested"),
+    ],
+)
+def test_files_that_hold_no_tuned_values_are_refused(tmp_path, text, says):
+    file = tmp_path / "best.json"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=says) as error:
+        lanekeep_baselines.load(file, LaneKeepScenario())
+    assert str(file) in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["pdd"], "policy 'pdd' is unknown (did you mean 'pd'?); allowed: pd, "),
+        (["yin-lqr"], "policy 'yin-lqr' has nothing to tune"),
+        (["pd", "LaneKep-v0"], "did you mean 'lanekeep/LaneKeep-v0'"),
+        (["pd", "--steps", "100"], "--steps 100 is of trainings"),
+        (["pd", "--trials", "100000"], "--trials=100000 is not allowed"),
+        ([], "POLICY is missing"),
+        (["--resume"], "--resume needs --out"),
+        (["--resume", "--out", "x", "--trials", "3"], "no other options"),
+        (["--resume", "--out", "nowhere"], "holds no run to resume"),
+        (["lq-preview", "CameraLane-v0"], "policy 'lq-preview' "),
+    ],
+)
+def test_what_cannot_be_tuned_is_one_line(words, says, capfd, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["tune", *words]) == 2
+    error = capfd.readouterr().err
+    assert says in error and error.count("\n") == 1
+    assert not (tmp_path / "results").exists()
+
+
+def test_the_command_says_what_it_found_and_goes_on(capfd, tmp_path, monkeypatch):
+    monkeypatch.setattr("lanekeep_benchmarks.tune.settings.ALONE", 4)
+    monkeypatch.setattr("lanekeep_benchmarks.tune.settings.MIXES", tmp_path)  # no mix
+    there = str(tmp_path / "run")
+    assert run(["tune", "pd", "--trials", "4", "--out", there]) == 0
+    told = capfd.readouterr()
+    assert "pd on LaneKeep-v0: 4 trials of 4 episodes, " in told.out
+    picture = (tmp_path / "run" / "trials.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    best = json.loads((tmp_path / "run" / "best.json").read_text())
+    assert best["command"] == "lanekeep tune pd LaneKeep-v0 --trials 4 --seed 0"
+    assert run(["tune", "pd", "--trials", "4", "--out", there]) == 2
+    assert "already holds a run" in capfd.readouterr().err
+    assert run(["tune", "--resume", "--out", there]) == 0
+    assert json.loads((tmp_path / "run" / "best.json").read_text()) == best
+
+
+def test_a_gain_that_may_be_none_is_warned_of(whole):
+    _, outcome = whole
+    sure = outcome._replace(number=1, gain=Interval(0.02, 0.01, 0.03))
+    unsure = sure._replace(gain=Interval(0.02, -0.01, 0.05))
+    assert chance(sure) == "" and "may be none: keep the shipped values" in chance(unsure)
+    none = outcome._replace(number=0)
+    assert chance(none) == "" and "No trial beat the shipped values." in in_words(_settings(), none, whole[0])
+
+
+def test_pictures_of_odd_searches_are_drawn(whole):
+    """Trials that failed, one trial alone, all alike, and one that is far below the others."""
+    run_ = tuning.Tuning(_settings(), whole[0], resume=True)
+    trials, first = run_.trials, run_.trials[0]
+    for odd in (trials[:1], [first, first], [*trials, first._replace(score=None)], [first, first._replace(score=-1e6)]):
+        assert plot_trials("title", run_.space, odd).startswith(b"\x89PNG")
