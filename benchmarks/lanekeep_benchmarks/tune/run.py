@@ -177,7 +177,7 @@ class Tuning:
             return []
         except ValueError as error:
             raise ValueError(f"{shown_path(file)}: {error}") from None
-        if len(lines) > self.settings.trials:
+        if not 1 <= len(lines) <= self.settings.trials:
             raise ValueError(f"{shown_path(file)} has {len(lines)} trials; the run asks for {self.settings.trials}")
         self.trials = []
         for number, line in enumerate(lines):
