@@ -92,7 +92,7 @@ class LinearQuadratic(SteeringPolicy):
     estimated: ClassVar[Estimated]
     #: What `lanekeep tune` starts from.
     weights: ClassVar[Weights]
-    tunable = (_RATE, _SLIP, _DRIFT, _BEND, _LAG)
+    tunable: ClassVar[tuple[Tunable, ...]] = (_RATE, _SLIP, _DRIFT, _BEND, _LAG)
 
     def __init__(self, scenario: CostScenario, weights: Weights | None = None) -> None:
         """Design for ``scenario``, with ``weights`` as they are, or with those of the class and a reserve."""

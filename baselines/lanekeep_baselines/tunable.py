@@ -93,6 +93,8 @@ def read_tuned(path: str | Path) -> Tuned:
         if not isinstance(found, dict) or found.get("format") != FORMAT:
             told = found.get("format") if isinstance(found, dict) else None
             raise ValueError(f"format={shown(told)} is not allowed: it must be {FORMAT}")
+        if isinstance(trained := found.get("policy_file"), str):
+            raise ValueError(f"it is the record of trainings; the policy is {shown_path(trained)} beside it")
         policy, values = found.get("policy"), found.get("values")
         if not isinstance(policy, str) or not isinstance(values, dict) or not values:
             raise ValueError(
@@ -105,6 +107,6 @@ def read_tuned(path: str | Path) -> Tuned:
         raise ValueError(f"{shown_path(path)}: {' '.join(str(error).split())}") from None
 
 
-def tuned_text(policy: str, values: Mapping[str, float], further: Mapping[str, Any]) -> str:
-    """Return the text of such a file; ``further`` is what the record says beside."""
-    return json.dumps({"format": FORMAT, "policy": policy, "values": dict(values), **further}, indent=1) + "\n"
+def tuned_text(values: Mapping[str, float], **further: Any) -> str:
+    """Return the text of such a file, ``policy`` and what its record says ``further``."""
+    return json.dumps({"format": FORMAT, "values": dict(values), **further}, indent=1) + "\n"

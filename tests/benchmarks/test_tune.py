@@ -9,6 +9,7 @@ import pytest
 
 import lanekeep_baselines
 from lanekeep_agents.distil.mix import Lessons
+from lanekeep_agents.training import settings as training_settings
 from lanekeep_agents.training.evaluation import HeldOut
 from lanekeep_baselines.lq import LinearQuadraticGaussian, LqPreviewOffsetFree
 from lanekeep_baselines.lq_design import Weights
@@ -233,14 +234,15 @@ GOOD = {"lateral_gain": 0.03, "heading_gain": 0.5}
         ("", "best.json"),
         ("[]", "format=None is not allowed"),
         ('{"format": "lanekeep-tuned-2"}', "format='lanekeep-tuned-2' is not allowed"),
-        (tuned_text("pd", {}, {}), "must be a name and numbers"),
-        (tuned_text("pd", {**GOOD, "heading_gain": "1"}, {}), "must be a finite number"),
-        (tuned_text("pd", {**GOOD, "heading_gain": True}, {}), "must be a finite number"),
-        (tuned_text("pd", {**GOOD, "heading_gain": float("nan")}, {}), "NaN"),
-        (tuned_text("pd", {**GOOD, "heading_gain": 100.0}, {}), "heading_gain=100.0 is not allowed"),
-        (tuned_text("pd", {"predict": 1.0}, {}), "has no option 'predict'"),
-        (tuned_text("pdd", GOOD, {}), "did you mean 'pd'"),
-        (tuned_text("yin-lqr", GOOD, {}), "has no option 'lateral_gain'; allowed: none"),
+        (tuned_text({}, policy_file="trial-2/ppo.json"), "the policy is trial-2/ppo.json beside it"),
+        (tuned_text({}, policy="pd"), "must be a name and numbers"),
+        (tuned_text({**GOOD, "heading_gain": "1"}, policy="pd"), "must be a finite number"),
+        (tuned_text({**GOOD, "heading_gain": True}, policy="pd"), "must be a finite number"),
+        (tuned_text({**GOOD, "heading_gain": float("nan")}, policy="pd"), "NaN"),
+        (tuned_text({**GOOD, "heading_gain": 100.0}, policy="pd"), "heading_gain=100.0 is not allowed"),
+        (tuned_text({"predict": 1.0}, policy="pd"), "has no option 'predict'"),
+        (tuned_text(GOOD, policy="pdd"), "did you mean 'pd'"),
+        (tuned_text(GOOD, policy="yin-lqr"), "has no option 'lateral_gain'; allowed: none"),
         ('{"format": "lanekeep-tuned-1", "x": ' + "[" * 100 + "]" * 100 + "}", "nested"),
     ],
 )
@@ -307,3 +309,70 @@ def test_pictures_of_odd_searches_are_drawn(whole):
     trials, first = run_.trials, run_.trials[0]
     for odd in (trials[:1], [first, first], [*trials, first._replace(score=None)], [first, first._replace(score=-1e6)]):
         assert plot_trials("title", run_.space, odd).startswith(b"\x89PNG")
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    """Trainings of a few steps."""
+    whole_ = training_settings.settings_for
+
+    def changed(*arguments, parameters=(), env=(), **changes):
+        parameters = {**dict(parameters), "n_steps": 32, "n_epochs": 1}
+        few = {"num_envs": 16, "evaluations": 2, "evaluation_episodes": 2, "hidden": [4], "critic": [4]}
+        return whole_(*arguments, **few, env={**dict(env), "episode_steps": 20}, parameters=parameters, **changes)
+
+    monkeypatch.setattr(training_settings, "settings_for", changed)
+    monkeypatch.setattr("lanekeep_benchmarks.tune.settings.ALONE", 4)
+
+
+def test_trainings_are_tuned_and_go_on_where_they_were_killed(tiny, tmp_path):
+    settings = settings_for("ppo", "LaneKeep-v0", 3, seed=2, steps=2000)
+    assert settings.steps == 2000 and "torch" in settings.versions
+    outcome = tuning.Tuning(settings, tmp_path / "whole").run()
+    wanted = (tmp_path / "whole" / tuning.TRIALS).read_bytes()
+    assert json.loads(wanted.splitlines()[0])["values"]["gamma"] == 0.96  # as ppo.yaml has it
+    assert outcome.steps == 3 * (2000 + 4 * 20)
+
+    def kill(done, words):
+        if done == 1 and "steps" in words and "1,024" in words:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        tuning.Tuning(settings, tmp_path / "killed").run(kill)
+    assert (tmp_path / "killed" / "trial-1" / "settings.json").exists()
+    tuning.Tuning(settings, tmp_path / "killed", resume=True).run()
+    assert (tmp_path / "killed" / tuning.TRIALS).read_bytes() == wanted
+    (tmp_path / "whole" / "best.json").write_text(text := best_text(settings, outcome, tmp_path / "whole"))
+    found = json.loads(text)
+    scenario = LaneKeepScenario(**settings.sets[0].keywords)
+    policies.entry_of(str(tmp_path / "whole" / found["policy_file"])).make(scenario)
+    with pytest.raises(ValueError, match="it is the record of trainings; the policy is trial-"):
+        policies.entry_of(str(tmp_path / "whole" / "best.json")).make(scenario)
+    assert found["train"].startswith("lanekeep train ppo lanekeep/LaneKeep-v0 --seed 2 --steps 2000 ")
+
+
+#: Where the search of the shipped weights began, and where it drove.
+START = {"rate": 1.0, "slip": 1e-3, "drift": 1e-2, "bend": 0.3, "lag": 0.03}
+NOMINAL = {"preview": 20}
+MISMATCH = {**NOMINAL, "tyre": "magic_formula", "randomisation": "mismatch"}
+MISMATCHES = (MISMATCH, {**MISMATCH, "sensors": "production"})
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "scenarios"),
+    [
+        ("lq-preview", {"rate": 1.0}, (NOMINAL,)),
+        ("lq-preview-offset-free", START, MISMATCHES),
+        ("lqg", START, MISMATCHES),
+    ],
+)
+def test_shipped_weights_beat_the_start_of_their_search_on_other_training_roads(name, start, scenarios):
+    """In the mean over its scenarios, 128 episodes each."""
+    means = []
+    for values in (start, {}):
+        returns = []
+        for keywords in scenarios:
+            held_out = HeldOut("lanekeep/LaneKeep-v0", {"dtype": "float32", **keywords}, 128, 1000)
+            returns.append(held_out.drive(lanekeep_baselines.make(name, held_out.scenario, **values)).returns.mean())
+        means.append(np.mean(returns))
+    assert means[1] > means[0]

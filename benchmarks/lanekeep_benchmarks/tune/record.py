@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -60,11 +59,10 @@ def best_text(settings: TuneSettings, outcome: Outcome, folder: Path) -> str:
         "versions": settings.versions,
     }
     if not is_learned(settings.policy):
-        return tuned_text(settings.policy, outcome.best.values, further)
-    file = Trials(settings, folder).policy_file(outcome.number)
-    found = {"algorithm": settings.policy, "values": outcome.best.values, "policy_file": str(file.relative_to(folder))}
-    found["train"] = _training_command(settings, outcome)
-    return json.dumps({**found, **further}, indent=1) + "\n"
+        return tuned_text(outcome.best.values, policy=settings.policy, **further)
+    file = Trials(settings, folder).policy_file(outcome.number).relative_to(folder).as_posix()
+    train = _training_command(settings, outcome)
+    return tuned_text(outcome.best.values, algorithm=settings.policy, policy_file=file, train=train, **further)
 
 
 def _training_command(settings: TuneSettings, outcome: Outcome) -> str:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import lanekeep_env
-from lanekeep_agents.distil.mix import Lessons
-from lanekeep_agents.distil.run import MIXES, read_mix
+from lanekeep_agents.distil.mix import Lessons, read_mix
+from lanekeep_agents.distil.run import MIXES
 from lanekeep_benchmarks.tune.search import version
 from lanekeep_benchmarks.tune.space import check_tunable, is_learned
 from lanekeep_env.checks import choose, from_mapping, known, require, shown
@@ -79,6 +79,7 @@ def settings_for(policy: str, env_id: str, trials: int, seed: int = 0, steps: in
     env_id = env_id if "/" in env_id else f"lanekeep/{env_id}"
     choose("ID", env_id, tuple(lanekeep_env.ENVIRONMENTS))
     versions = {"lanekeep": lanekeep_env.__version__, "optuna": version()}
+    sets: tuple[Lessons, ...]
     mix = MIXES / f"{env_id.rpartition('/')[2]}.toml"
     if is_learned(policy):
         try:

@@ -110,5 +110,5 @@ def _value(settings: TrainingSettings, name: str) -> float:
         scenario: Any = ENVIRONMENTS[settings.env_id].scenario.from_keywords(**settings.env)
         return float(scenario.cost_weight)
     outer, _, inner = name.partition(".")
-    value = getattr(settings, outer)
-    return value[inner] if inner else value  # type: ignore[no-any-return]
+    value: Any = getattr(settings, outer)
+    return value[inner] if inner else value
