@@ -16,6 +16,7 @@ from lanekeep_baselines.lq_design import Weights
 from lanekeep_baselines.margins import margins
 from lanekeep_baselines.tunable import read_tuned, tuned_text
 from lanekeep_benchmarks import policies
+from lanekeep_benchmarks.budgets import budgets
 from lanekeep_benchmarks.cli import run
 from lanekeep_benchmarks.statistics import Interval
 from lanekeep_benchmarks.tune import run as tuning
@@ -376,3 +377,28 @@ def test_shipped_weights_beat_the_start_of_their_search_on_other_training_roads(
             returns.append(held_out.drive(lanekeep_baselines.make(name, held_out.scenario, **values)).returns.mean())
         means.append(np.mean(returns))
     assert means[1] > means[0]
+
+
+def test_tables_show_what_was_spent(whole, tmp_path):
+    """Of searches and trainings as their files say; nothing of what has none, or is damaged."""
+    folder, outcome = whole
+    steps = {seed: json.loads((policies.ZOO / f"ppo-evasive-seed{seed}.json").read_text()) for seed in (0, 1)}
+    trained = sum(one["training"]["steps"] for one in steps.values())
+    search, damaged = tmp_path / "best.json", tmp_path / "damaged.json"
+    search.write_text(text := best_text(_settings(), outcome, folder))
+    damaged.write_text(text.replace('"trials": 5', '"trials": "<b>"'))
+    # A training of a search: what all of it took.
+    (tmp_path / "trial-1").mkdir()
+    for ending in (".json", ".safetensors"):
+        shutil.copy(policies.ZOO / f"ppo-evasive-seed2{ending}", tmp_path / "trial-1")
+    names = ["pd", str(search), "ppo-evasive-seed0", str(damaged), "ppo-evasive-seed1", "x.py:f", "gone.json"]
+    assert budgets(names).splitlines()[5:] == [
+        f"| {search} | {TRIALS * 3 * 3 * 40:,} | {TRIALS} |",
+        f"| ppo-evasive (2 seeds) | {trained:,} |  |",
+    ]
+    assert budgets(["pd", "x.py:f", str(damaged)]) == ""
+    one = str(tmp_path / "trial-1" / "ppo-evasive-seed2.json")
+    own = f"{json.loads((policies.ZOO / 'ppo-evasive-seed2.json').read_text())['training']['steps']:,}"
+    assert f"| {own} |  |" in budgets([one])
+    search.write_text(json.dumps({**json.loads(text), "policy_file": "trial-1/ppo-evasive-seed2.json"}))
+    assert f"| {TRIALS * 3 * 3 * 40:,} | {TRIALS} |" in budgets([one])
