@@ -326,6 +326,34 @@ def tiny(monkeypatch):
     monkeypatch.setattr("lanekeep_benchmarks.tune.settings.ALONE", 4)
 
 
+def test_values_that_give_no_controller_are_left_behind(tmp_path, monkeypatch):
+    make = lanekeep_baselines.make
+
+    def failing(name, scenario, **values):
+        if values["heading_gain"] not in (0.6, *kept):
+            kept.append(values["heading_gain"])
+            raise np.linalg.LinAlgError("singular")
+        return make(name, scenario, **values)
+
+    kept = []
+    monkeypatch.setattr(lanekeep_baselines, "make", failing)
+    run_ = tuning.Tuning(_settings(trials=3), tmp_path / "run")
+    outcome = run_.run()
+    assert [one.score for one in run_.trials] == [0.0, None, None] and outcome.number == 0
+    again = tuning.Tuning(_settings(trials=3), tmp_path / "run", resume=True)
+    assert again.trials == run_.trials
+
+
+def test_a_strangers_training_in_the_place_of_a_trials_is_refused(tiny, tmp_path):
+    settings = settings_for("ppo", "LaneKeep-v0", 2, seed=2, steps=600)
+    there = tmp_path / "trial-0"
+    there.mkdir()
+    (there / "settings.json").write_text("{}")
+    with pytest.raises(ValueError, match="not the record of a training run"):
+        tuning.Tuning(settings, tmp_path).run()
+    assert not (tmp_path / tuning.TRIALS).exists()
+
+
 def test_trainings_are_tuned_and_go_on_where_they_were_killed(tiny, tmp_path):
     settings = settings_for("ppo", "LaneKeep-v0", 3, seed=2, steps=2000)
     assert settings.steps == 2000 and "torch" in settings.versions

@@ -22,6 +22,10 @@ Floats = NDArray[np.float64]
 Factory = Callable[[Any], Any]
 
 
+class Failed(ValueError):
+    """Values with which a policy cannot be made, or drives out of all bounds: the search goes on without them."""
+
+
 class Course:
     """Sets of episodes, the same ones for every policy and every trial.
 
@@ -55,12 +59,15 @@ class Course:
         """Drive a policy, designed for each set, through it.
 
         Raises:
-            ValueError: it cannot be designed, or a return is no number.
+            Failed: it cannot be designed, or a return is no number.
         """
-        made = [policy(told(held_out.scenario, noise)) for held_out, noise in self._sets]
+        try:
+            made = [policy(told(held_out.scenario, noise)) for held_out, noise in self._sets]
+        except (ValueError, np.linalg.LinAlgError) as error:
+            raise Failed(str(error)) from error
         found = [held_out.drive(one) for (held_out, _), one in zip(self._sets, made, strict=True)]
         if not all(np.isfinite(one.returns).all() for one in found):
-            raise ValueError("a return is not finite")
+            raise Failed("a return is not finite")
         return found
 
 
@@ -97,7 +104,11 @@ class Trials:
         self._settings, self._folder = settings, folder
 
     def make(self, number: int, values: Mapping[str, float], report: Callable[[str], None]) -> Factory:
-        """Return the policy of a trial; a learned one is trained, or what is left of it."""
+        """Return the policy of a trial; a learned one is trained, or what is left of it.
+
+        Raises:
+            Failed: the training came to nothing. ValueError: the folder of the trial holds another training.
+        """
         if is_learned(self._settings.policy):
             path = self._trained(number, values, report)
             return lambda scenario: lanekeep_agents.load(path, scenario)
@@ -114,7 +125,7 @@ class Trials:
         return self._folder / f"trial-{number}" / f"{name}.json"
 
     def _trained(self, number: int, values: Mapping[str, float], report: Callable[[str], None]) -> Path:
-        from lanekeep_agents.training.folder import SETTINGS
+        from lanekeep_agents.training.folder import SETTINGS, check
         from lanekeep_agents.training.run import run
         from lanekeep_agents.training.settings import settings_for
 
@@ -122,5 +133,9 @@ class Trials:
         if not file.exists():
             training = settings_for(settings.policy, settings.env_id, settings.seed, settings.steps, **nested(values))
             begun = (file.parent / SETTINGS).exists()
-            run(training, file.parent, resume=begun, report=lambda done, line: report(f"{done:,} steps, {line}"))
+            check(training, file.parent, begun, False)
+            try:
+                run(training, file.parent, resume=begun, report=lambda done, line: report(f"{done:,} steps, {line}"))
+            except ValueError as error:  # weights that are no numbers any more
+                raise Failed(str(error)) from error
         return file

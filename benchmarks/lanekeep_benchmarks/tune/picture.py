@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator, NullFormatter, NullLocator
 
 from lanekeep_benchmarks.looks import GRID, colour_of, png
 from lanekeep_benchmarks.tune.run import Trial
@@ -36,7 +36,12 @@ def plot_trials(title: str, space: Space, trials: Sequence[Trial]) -> bytes:
         axes = figure.add_subplot(grid[1 + i // columns, i % columns])
         panels.append((axes, np.array([trial.values[name] for trial in trials])))
         edges = (min(one.choices), max(one.choices)) if one.choices else (one.low, one.high)
-        if one.log or one.choices:
+        if one.choices:
+            axes.set_xscale("log")
+            axes.set_xlim(edges[0] / 1.1, edges[1] * 1.1)
+            axes.set_xticks(one.choices, [f"{choice:g}" for choice in one.choices], minor=False)
+            axes.xaxis.set_minor_locator(NullLocator())
+        elif one.log:
             axes.set_xscale("log", subs=[2, 5])
             axes.set_xlim(edges[0] / 1.1, edges[1] * 1.1)
             axes.xaxis.set_major_formatter("{x:g}")

@@ -12,7 +12,7 @@ import numpy as np
 
 from lanekeep_agents.training.evaluation import Drives
 from lanekeep_benchmarks.statistics import Interval, means
-from lanekeep_benchmarks.tune.drives import Course, Trials, paired_gains, score_of
+from lanekeep_benchmarks.tune.drives import Course, Failed, Trials, paired_gains, score_of
 from lanekeep_benchmarks.tune.search import Values, seed_of, suggest
 from lanekeep_benchmarks.tune.settings import JUDGED, MOST, SETTINGS, TuneSettings
 from lanekeep_benchmarks.tune.space import is_learned, space_of
@@ -129,7 +129,7 @@ class Tuning:
         try:
             policy = made.make(number, values, lambda line: told(number, f"trial {number}: {line}"))
             drives = course.drive(policy)
-        except (ValueError, np.linalg.LinAlgError):
+        except Failed:
             if number == 0:  # the shipped values: an error of the user's
                 raise
             self.trials.append(Trial(values, None, [], [], steps))
