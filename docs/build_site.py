@@ -49,7 +49,7 @@ scenario and a metric, look at an episode's course and play it. [The report on a
 """
 _GUIDES = (
     "control-engineers", "scenario-options", "own-road-car-map", "own-suite", "rl-researchers", "train",
-    "learned-policies", "agents", "cluster", "driver-support", "camera", "walls", "driving", "highway-env",
+    "tuning", "learned-policies", "agents", "cluster", "driver-support", "camera", "walls", "driving", "highway-env",
     "f1tenth-gym", "matlab",
 )  # fmt: skip
 

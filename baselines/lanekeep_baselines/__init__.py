@@ -11,14 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from lanekeep_baselines.declared import PREFIX, Declared
 from lanekeep_baselines.one_by_one import OneByOne
 from lanekeep_baselines.policy import DrivingPolicy, Policy, Scenario, SteeringPolicy
-from lanekeep_env.checks import nearest, shown
+from lanekeep_baselines.tunable import read_tuned, tuned
+from lanekeep_env.checks import nearest, shown, shown_path
 
-__all__ = ["DrivingPolicy", "OneByOne", "Policy", "Scenario", "SteeringPolicy", "make", "names", "register"]
+__all__ = ["DrivingPolicy", "OneByOne", "Policy", "Scenario", "SteeringPolicy", "load", "make", "names", "register"]
 
 # Modules import the packages of their designs where they design: what they declare is read without them.
 _POLICIES = {
@@ -129,10 +131,11 @@ def _class_of(name: str) -> type[SteeringPolicy]:
     return found
 
 
-def make(name: str, scenario: Scenario, **options: bool) -> Policy:
+def make(name: str, scenario: Scenario, **options: float) -> Policy:
     """Design the controller ``name`` for the vehicle, the channels and the control step of ``scenario``.
 
-    ``options`` switch off, with False, what its class takes by keyword: improvements on a published controller.
+    ``options`` switch off, with False, what its class takes by keyword, improvements on a published controller, or give
+    what it declares as tunable another value: ``make("pd", scenario, lateral_gain=0.05)``.
 
     Raises:
         ValueError: unknown name (the nearest one is named) or option, or a channel or field that the scenario does not
@@ -142,20 +145,38 @@ def make(name: str, scenario: Scenario, **options: bool) -> Policy:
     if name not in names():
         raise ValueError(f"policy={shown(name)} is unknown{nearest(name, names())}; allowed: {', '.join(names())}")
     policy = policy_class(name)
+    switches = () if name in _REGISTERED else policy.options()
+    numbers = {option: value for option, value in options.items() if option not in switches}
     for option, value in options.items():
-        known = () if name in _REGISTERED else policy.options()
-        if option not in known:
-            raise ValueError(f"policy {name!r} has no option {shown(option)}; allowed: {', '.join(known) or 'none'}")
-        if not isinstance(value, bool):
+        allowed = (*switches, *(one.name for one in policy.tunable))
+        if option not in allowed:
+            raise ValueError(f"policy {name!r} has no option {shown(option)}; allowed: {', '.join(allowed) or 'none'}")
+        if option in switches and not isinstance(value, bool):
             raise ValueError(f"{option}={shown(value)} is not allowed: it must be True or False")
     package = policy.missing_package()
     if package:
         raise ModuleNotFoundError(
             f'policy {name!r} needs the package {package!r}: pip install "lanekeep[baselines]"', name=package
         )
-    if name in _REGISTERED:
-        if lacking := policy.lacking(scenario):
-            raise ValueError(lacking)
-        made: Policy = _REGISTERED[name][1](scenario)
-        return made
-    return _class_of(name)(scenario, **options)
+    factory: Callable[..., Any] = _REGISTERED[name][1] if name in _REGISTERED else policy
+    if numbers:
+        factory = tuned(policy, numbers)
+    if name in _REGISTERED and (lacking := policy.lacking(scenario)):
+        raise ValueError(lacking)
+    made: Policy = factory(scenario, **{option: options[option] for option in switches if option in options})
+    return made
+
+
+def load(path: str | Path, scenario: Scenario) -> Policy:
+    """Make the controller that `lanekeep tune` found and wrote to a file, for ``scenario``.
+
+    Raises:
+        ValueError: it is no such file, or holds what `make` refuses. OSError: it may not be read.
+    """
+    found = read_tuned(path)
+    if found.policy not in names():
+        raise ValueError(f"{shown_path(path)}: policy={shown(found.policy)} is unknown{nearest(found.policy, names())}")
+    try:
+        return make(found.policy, scenario, **found.values)
+    except ValueError as error:
+        raise ValueError(f"{shown_path(path)}: {error}") from None

@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from inspect import Parameter, signature
 from typing import Any, ClassVar, NamedTuple, get_type_hints
 
+from lanekeep_baselines.tunable import Tunable
 from lanekeep_env.checks import shown
 
 #: What stands before the name of a policy behind the filter of `slip_limit`; no policy's own name begins so.
@@ -40,6 +41,7 @@ class Declared:
         needs: further conditions.
         packages: that its design imports.
         actions: numbers of an action.
+        tunable: constants that `lanekeep tune` may change; published controllers have none.
     """
 
     name: ClassVar[str]
@@ -48,6 +50,7 @@ class Declared:
     needs: ClassVar[tuple[Need, ...]] = ()
     packages: ClassVar[tuple[str, ...]] = ()
     actions: ClassVar[int] = 1
+    tunable: ClassVar[tuple[Tunable, ...]] = ()
 
     @classmethod
     def fields(cls) -> tuple[str, ...]:

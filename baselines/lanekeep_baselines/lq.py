@@ -20,10 +20,15 @@ from lanekeep_baselines.lq_model import steady_sideslip
 from lanekeep_baselines.lq_schedule import FOLLOWING, LEAST_NOISE, SPEEDS, Design, points, reserved
 from lanekeep_baselines.policy import Floats, LaneScenario, PreviewScenario, SteeringPolicy
 from lanekeep_baselines.table import Table, weighted_sum
+from lanekeep_baselines.tunable import Tunable
 from lanekeep_env.sensing.faults import Sensors
 
 #: Channels of the measured states, in the order of `lq_design.MEASURED`.
 MEASURED_CHANNELS = ("steering_angle", "yaw_rate", "heading_error", "lateral_error")
+#: What is searched of their weights; `steer` is the margins' (`lq_reserve`).
+_RATE, _SLIP = Tunable("rate", 0.1, 10.0, of="weights"), Tunable("slip", 1e-4, 1e-2, of="weights")
+_DRIFT, _BEND = Tunable("drift", 1e-4, 0.1, of="weights"), Tunable("bend", 0.01, 3.0, of="weights")
+_LAG = Tunable("lag", 0.0, 0.15, log=False, of="weights")
 #: Wheelbase, m, from which on cars are as long as those that the weights were tuned on.
 FULL_SIZE = 2.0
 #: Least preview, s: behind it the curvature is taken to stay as it is.
@@ -85,8 +90,9 @@ class LinearQuadratic(SteeringPolicy):
     )
     packages: ClassVar[tuple[str, ...]] = ("scipy",)
     estimated: ClassVar[Estimated]
-    #: What `python -m lanekeep_baselines.tuning` found.
+    #: Of a (1+1) evolution strategy, 2 million steps on training roads; `lanekeep tune` starts from them.
     weights: ClassVar[Weights]
+    tunable: ClassVar[tuple[Tunable, ...]] = (_RATE, _SLIP, _DRIFT, _BEND, _LAG)
 
     def __init__(self, scenario: CostScenario, weights: Weights | None = None) -> None:
         """Design for ``scenario``, with ``weights`` as they are, or with those of the class and a reserve."""
@@ -188,6 +194,7 @@ class LqPreview(LinearQuadratic):
     uses = ("curvature_preview_*",)
     needs = (_PREVIEW,)
     estimated = Estimated(offsets=False, curvature=False)
+    tunable = (_RATE, _SLIP, _BEND, _LAG)
     weights = Weights(rate=0.859, slip=1e-3, steer=FOLLOWING, drift=0.0, bend=0.3)
 
 

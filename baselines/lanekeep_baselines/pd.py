@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats, SteeringPolicy
+from lanekeep_baselines.tunable import Tunable
 
 
 class ProportionalDerivative(SteeringPolicy):
@@ -23,6 +24,7 @@ class ProportionalDerivative(SteeringPolicy):
     #: rad of road wheel per m, and per rad.
     lateral_gain: ClassVar[float] = 0.03
     heading_gain: ClassVar[float] = 0.6
+    tunable = (Tunable("lateral_gain", 0.003, 0.3), Tunable("heading_gain", 0.06, 6.0))
 
     def command(
         self, at: Mapping[str, Floats], memory: Floats, fresh: NDArray[np.bool_] | bool

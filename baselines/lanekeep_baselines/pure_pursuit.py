@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats, LaneScenario, PreviewScenario, SteeringPolicy, turned_on_the_way
+from lanekeep_baselines.tunable import Tunable
 
 
 class PurePursuit(SteeringPolicy):
@@ -35,6 +36,7 @@ class PurePursuit(SteeringPolicy):
     lookahead_time: ClassVar[float] = 0.8
     #: m
     shortest_lookahead: ClassVar[float] = 5.0
+    tunable = (Tunable("lookahead_time", 0.2, 3.0), Tunable("shortest_lookahead", 1.0, 20.0))
 
     def __init__(self, scenario: PreviewScenario) -> None:
         super().__init__(scenario)

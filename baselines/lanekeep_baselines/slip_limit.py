@@ -65,7 +65,7 @@ class AxleObserver(LinearQuadratic):
     name = "slip-limited"
     needs = (Need("tyres that saturate", _lacking_peak),)
     estimated = Estimated(offsets=True, curvature=True)
-    # By hand: those that `tuning` starts from, but offsets and bends that may change faster, as slips do at the limit.
+    # By hand: round ones, but offsets and bends that may change faster, as slips do at the limit.
     weights = Weights(rate=1.0, slip=1e-3, steer=1e-3, drift=0.04, bend=0.8)
 
     def __init__(self, scenario: LimitedScenario) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lanekeep_baselines.policy import Floats, SteeringPolicy, TyreScenario, turned_on_the_way
+from lanekeep_baselines.tunable import Tunable
 
 
 class Stanley(SteeringPolicy):
@@ -40,6 +41,11 @@ class Stanley(SteeringPolicy):
     #: k_d, rad of road wheel per rad/s, 0 for none; keeps the yaw mode damped above 20 m/s (Yin's car at 50 m/s: 0.17
     #: with it, 0.05 without).
     yaw_damping: ClassVar[float] = 0.1
+    tunable = (
+        Tunable("gain", 0.2, 20.0),
+        Tunable("softening", 0.1, 10.0),
+        Tunable("yaw_damping", 0.0, 0.5, log=False),
+    )
 
     def __init__(self, scenario: TyreScenario) -> None:
         super().__init__(scenario)

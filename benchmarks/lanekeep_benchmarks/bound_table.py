@@ -12,7 +12,7 @@ import numpy as np
 
 from lanekeep_benchmarks.bound import BOUND, FOLDER, TOLD, BoundPlan
 from lanekeep_benchmarks.lines import EpisodeResult
-from lanekeep_benchmarks.report import failures, markdown
+from lanekeep_benchmarks.report import tables
 from lanekeep_benchmarks.results import EPISODES, LARGEST_LINES, SUMMARY, TABLE, read_lines
 from lanekeep_benchmarks.run_record import RunRecord
 from lanekeep_benchmarks.summary import RETURN, rows_of, summarise_rows
@@ -130,5 +130,5 @@ def rewrite_tables(folder: Path) -> bool:
     with locked(folder):
         summary = with_bounds(summary, lines, folder)
         write_atomic(file, json.dumps(summary, indent=1, allow_nan=False) + "\n")
-        write_atomic(folder / TABLE, markdown(summary) + failures(lines))
+        write_atomic(folder / TABLE, tables(summary, lines))
     return True

@@ -29,6 +29,7 @@ from lanekeep_benchmarks.play_command import play_command
 from lanekeep_benchmarks.replicate_command import replicate
 from lanekeep_benchmarks.speed.command import speed
 from lanekeep_benchmarks.train_command import train
+from lanekeep_benchmarks.tune.command import tune
 from lanekeep_benchmarks.verify.command import verify
 from lanekeep_benchmarks.warmup_command import warmup
 from lanekeep_benchmarks.zoo import zoo
@@ -67,6 +68,7 @@ app.command()(replicate)
 app.command(name="margins")(margins_command)
 app.command()(train)
 app.command()(distil)
+app.command()(tune)
 app.command()(zoo)
 app.command()(bound)
 app.command()(speed)

@@ -14,6 +14,7 @@ import lanekeep_baselines
 from lanekeep_agents.policy_file import LARGEST_RECORD
 from lanekeep_baselines.declared import PREFIX
 from lanekeep_baselines.slip_limit import SlipLimited
+from lanekeep_baselines.tunable import is_tuned
 from lanekeep_benchmarks.own_code import FORMS, SOURCE, Checked, is_code, load_factory, sha256_of
 from lanekeep_env.checks import nearest, shown, shown_path
 from lanekeep_env.files import read_bounded
@@ -193,7 +194,7 @@ def _able(names: Callable[..., tuple[str, ...]], definitions: Iterable[Any]) -> 
 
 
 def make_policy(name: str, scenario: Any) -> Policy:
-    """Make a classical controller for ``scenario``, or load a learned policy, by its name or its file's path, for it.
+    """Make a classical controller for ``scenario``, or load a learned or tuned policy, by name or its file's path.
 
     Raises:
         ValueError, OSError, ImportError: unknown, not for this scenario, broken, or without a package that it needs.
@@ -201,6 +202,8 @@ def make_policy(name: str, scenario: Any) -> Policy:
     check_policy(name)
     if name in lanekeep_baselines.names():
         return lanekeep_baselines.make(name, scenario)
+    if name.endswith(FILE) and is_tuned(name):
+        return lanekeep_baselines.load(name, scenario)
     return lanekeep_agents.load(name, scenario)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from lanekeep_benchmarks.budgets import budgets
 from lanekeep_benchmarks.lines import EpisodeResult
 from lanekeep_benchmarks.metrics import METRICS, Metric
 from lanekeep_benchmarks.statistics import BOOTSTRAP_FROM, MARKS_FROM
@@ -231,8 +232,13 @@ def replay_command(folder: Path, scenario: str, policy: str, episode: int | str)
     return shlex.join([*words, "--episode", str(episode)])
 
 
+def tables(summary: dict[str, Any], results: Sequence[EpisodeResult]) -> str:
+    """What a run keeps as Markdown: scores, what was spent on the policies, and which episodes failed."""
+    return markdown(summary) + budgets(list(dict.fromkeys(line.policy for line in results))) + failures(results)
+
+
 def markdown(summary: dict[str, Any]) -> str:
-    """All tables of a run as Markdown."""
+    """All tables of scores as Markdown."""
     lines = [f"# {summary['suite']}: {summary['description']}", "", caption(summary) + "."]
     for name, part in parts_of(summary).items():
         if len(part["scenarios"]) > 1 and all(RETURN in s["policies"][0]["metrics"] for s in part["scenarios"]):

@@ -15,7 +15,7 @@ from lanekeep_benchmarks.evaluate import make_cars
 from lanekeep_benchmarks.looks import interesting
 from lanekeep_benchmarks.metrics import METRICS
 from lanekeep_benchmarks.plan import Plan
-from lanekeep_benchmarks.report import failures, markdown
+from lanekeep_benchmarks.report import tables
 from lanekeep_benchmarks.results import PAGE, SUMMARY, TABLE, ResultFolder
 from lanekeep_benchmarks.suites import SuiteScenario
 from lanekeep_benchmarks.summary import parts_of, rows_of, summarise
@@ -26,7 +26,7 @@ def write_report(plan: Plan, folder: ResultFolder) -> dict[str, Any]:
     """Write summary, tables, plots and the page that has all of it; return the summary."""
     summary = with_bounds(summarise(plan.suite, plan.results, plan.policies), plan.results, folder.path)
     folder.write(SUMMARY, json.dumps(summary, indent=1, allow_nan=False) + "\n")
-    folder.write(TABLE, markdown(summary) + failures(plan.results))
+    folder.write(TABLE, tables(summary, plan.results))
     drives = {scenario.name: drive_chosen(plan, scenario) for scenario in plan.suite.scenarios}
     values = _first_metrics(plan)
     for name, part in parts_of(summary).items():

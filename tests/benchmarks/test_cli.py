@@ -36,7 +36,7 @@ def oval(tmp_path):
     return file
 
 
-@pytest.mark.parametrize("command", ["envs", "bench", "speed", "train"])
+@pytest.mark.parametrize("command", ["envs", "bench", "speed", "train", "tune"])
 def test_help_shows_an_example(command):
     result = RUNNER.invoke(app, [command, "--help"])
     assert result.exit_code == 0

@@ -1,7 +1,8 @@
 """Folders of others, damaged: `python tests/fuzz/results.py --count 3000 --seed 0`.
 
-Result lines, `run.json`, a training run's settings, its checkpoint and a recording are read as the commands do, up to
-where driving would start. What is refused must leave the folder as it was, and nothing but its files may be opened.
+Result lines, `run.json`, a training run's settings, its checkpoint, a search's settings, trials and values and a
+recording are read as the commands do, up to where driving would start. What is refused must leave the folder as it was,
+and nothing but its files may be opened.
 Prints a line for each kind and exits 1 on any violation, each with its seed.
 """
 
@@ -23,6 +24,8 @@ import numpy as np
 from damages import Damage, damaged_json, damaged_lines, damaged_npz
 from harness import Watch, drive, mutated, special_files
 
+import lanekeep_baselines
+from lanekeep_agents.distil.mix import Lessons
 from lanekeep_agents.training.evaluation import HeldOut
 from lanekeep_agents.training.folder import CHECKPOINT, SETTINGS, check, settings_in
 from lanekeep_agents.training.normalisation import Normalised
@@ -35,6 +38,12 @@ from lanekeep_benchmarks import runs
 from lanekeep_benchmarks.results import EPISODES
 from lanekeep_benchmarks.run_record import RUN
 from lanekeep_benchmarks.suites import SUITES, Suite, SuiteScenario
+from lanekeep_benchmarks.tune.record import best_text
+from lanekeep_benchmarks.tune.run import BEST, TRIALS, Tuning
+from lanekeep_benchmarks.tune.settings import TuneSettings
+from lanekeep_benchmarks.tune.settings import settings_for as tune_settings_for
+from lanekeep_benchmarks.tune.settings import settings_in as tune_settings_in
+from lanekeep_env.scenario import LaneKeepScenario
 
 Files = dict[str, bytes]
 
@@ -73,6 +82,16 @@ def training_run(folder: Path) -> Files:
     """The files of a training run, which has a replay buffer that ran over."""
     run(settings_for("sac", "LaneKeep-v0", 0, **TINY), folder, checkpoint_seconds=0.0)
     return {name: (folder / name).read_bytes() for name in (SETTINGS, CHECKPOINT)}
+
+
+def search_run(folder: Path) -> Files:
+    """A search that has ended."""
+    sets = (Lessons("short", keywords={"episode_steps": 5}),)
+    versions = tune_settings_for("pd", "LaneKeep-v0", 1).versions
+    settings = TuneSettings("pd", "lanekeep/LaneKeep-v0", 5, 0, None, sets, versions)
+    outcome = Tuning(settings, folder).run()
+    (folder / BEST).write_text(best_text(settings, outcome, folder))
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
 
 
 def recording(folder: Path) -> Files:
@@ -128,6 +147,19 @@ def resume_training(folder: Path) -> None:
         model.get_env().step(np.zeros((settings.num_envs, 1), dtype=np.float32))
 
 
+def resume_search(folder: Path) -> None:
+    """What `lanekeep tune --resume` does before it drives."""
+    search = Tuning(tune_settings_in(folder), folder, resume=True)
+    assert all(one.score is None or np.isfinite([one.score, *one.returns]).all() for one in search.trials)
+
+
+def load_tuned(folder: Path) -> None:
+    """A controller that was tuned, and a step of it."""
+    scenario = LaneKeepScenario()
+    action, _ = lanekeep_baselines.load(folder / BEST, scenario).predict(scenario.channel_bounds().mean(axis=1))
+    assert np.isfinite(action).all()
+
+
 def load_recording(folder: Path) -> None:
     """What `DrivenRun.load` gives must be usable."""
     found = DrivenRun.load(folder / "run.npz")
@@ -140,6 +172,9 @@ KINDS: Mapping[str, tuple[Callable[[Path], Files], str, Damage, Callable[[Path],
     "run record": (benchmark_run, RUN, damaged_json, resume_benchmark),
     "training settings": (training_run, SETTINGS, damaged_json, resume_training),
     "checkpoint": (training_run, CHECKPOINT, damaged_npz, resume_training),
+    "search's settings": (search_run, SETTINGS, damaged_json, resume_search),
+    "search's trials": (search_run, TRIALS, damaged_lines, resume_search),
+    "tuned values": (search_run, BEST, damaged_json, load_tuned),
     "recording": (recording, "run.npz", damaged_npz, load_recording),
 }
 

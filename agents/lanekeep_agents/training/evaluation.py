@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 import lanekeep_env  # noqa: F401
 from lanekeep_env.checks import shown
@@ -37,6 +38,15 @@ def number(value: Any, kind: type[int] | type[float]) -> Any:
     return value
 
 
+class Drives(NamedTuple):
+    """Episodes that were driven, (n,) each: return, success, squares of the lateral error in m², steps."""
+
+    returns: NDArray[np.float64]
+    succeeds: NDArray[np.bool_]
+    squares: NDArray[np.float64]
+    steps: NDArray[np.int64]
+
+
 class HeldOut:
     """Episodes of an environment that training never sees: the same ones each time.
 
@@ -52,14 +62,22 @@ class HeldOut:
             env_id, episodes, vectorization_mode="vector_entry_point", autoreset_mode="next_step", **keywords
         )
         self._seed = seed
+        #: Of the environment.
+        self.scenario: Any = self._env.unwrapped.scenario  # type: ignore[attr-defined]
 
     def score(self, policy: Any) -> Score:
         """Drive ``policy`` (an object with `predict`) through all episodes."""
+        found = self.drive(policy)
+        rms = float(np.sqrt(found.squares.sum() / found.steps.sum()))
+        return Score(float(found.returns.mean()), float(1.0 - found.succeeds.mean()), rms)
+
+    def drive(self, policy: Any) -> Drives:
+        """Drive ``policy`` through all episodes; return how each one went."""
         env, n = self._env, self._env.num_envs
         observation, _ = env.reset(seed=self._seed)
         state, start = None, np.ones(n, dtype=bool)
         alive, succeeds = start.copy(), start.copy()
-        returns, squares, steps = np.zeros(n), np.zeros(n), np.zeros(n)
+        returns, squares, steps = np.zeros(n), np.zeros(n), np.zeros(n, dtype=np.int64)
         while alive.any():
             action, state = policy.predict(observation, state, start)
             observation, reward, terminated, truncated, info = env.step(action)
@@ -69,4 +87,4 @@ class HeldOut:
             np.copyto(succeeds, info["is_success"], where=alive)
             start = np.zeros(n, dtype=bool)
             alive &= ~(terminated | truncated)
-        return Score(float(returns.mean()), float(1.0 - succeeds.mean()), float(np.sqrt(squares.sum() / steps.sum())))
+        return Drives(returns, succeeds, squares, steps)

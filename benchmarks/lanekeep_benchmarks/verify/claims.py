@@ -17,7 +17,7 @@ from lanekeep_benchmarks.own_code import Checked
 from lanekeep_benchmarks.plan import Plan, make_plan
 from lanekeep_benchmarks.policies import FILE, Entry, entry_of, handed_over, is_known, limited
 from lanekeep_benchmarks.replay import record_in, suite_of
-from lanekeep_benchmarks.report import failures, markdown
+from lanekeep_benchmarks.report import tables
 from lanekeep_benchmarks.results import EPISODES, LARGEST_LINES, SUMMARY, TABLE, read_lines
 from lanekeep_benchmarks.run_record import RunRecord, told
 from lanekeep_benchmarks.summary import summarise
@@ -157,7 +157,7 @@ def _wrong_tables(claims: Claims, folder: Path) -> Iterator[str]:
     place = next(_differences(found, wanted), None)
     if place is not None:
         yield f"{SUMMARY} is not what the lines give: {place}"
-    elif table != markdown(found) + failures(results):
+    elif table != tables(found, results):
         yield f"{TABLE} does not show what {SUMMARY} says"
 
 
