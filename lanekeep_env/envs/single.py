@@ -13,7 +13,6 @@ from gymnasium.spaces import Box
 from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
 from lanekeep_env.envs.skin import RENDER_MODES, Skin, check_modes, observation_space, require_numbers, seed_from
-from lanekeep_env.layout import O_REWARD, O_SUCCESS, O_TERMINATED, O_TRUNCATED
 from lanekeep_env.plain import own
 from lanekeep_env.rendering.window import Window
 
@@ -73,8 +72,8 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
             self._picture.forget()
         if self._shown:
             self.render()
-        told = self._tell()
-        return self._look(), self._info(told, told[O_SUCCESS] > 0.0, 0)
+        observation, *_, info = self._told(self._look(), self._tell())
+        return observation, info
 
     def _bind(self) -> None:
         """Keep what a step calls at hand: making views and arguments at each step costs a third of its time."""
@@ -118,12 +117,9 @@ class SingleEnv(Skin, gym.Env[np.ndarray, np.ndarray]):
         if wrong != 0.0:  # infinite, or no number
             self._take(action)
         self._step(*self._arguments)
-        told = self._tell()
-        ended = told[O_TERMINATED]
-        info = self._info(told, told[O_SUCCESS] > 0.0, int(ended) if ended else 0)
         if self._shown:
             self.render()
-        return self._look(), told[O_REWARD], ended > 0.0, told[O_TRUNCATED] > 0.0, info
+        return self._told(self._look(), self._tell())
 
     def _take(self, action: Any) -> None:
         """Take an action that needs a closer look.

@@ -15,7 +15,7 @@ from gymnasium.spaces import Box
 
 from lanekeep_env.checks import choose, shown
 from lanekeep_env.engine.reset_options import page_section
-from lanekeep_env.envs.info import Rows, info_reader
+from lanekeep_env.envs.info import Rows, info_reader, step_reader
 from lanekeep_env.plain import json_able
 from lanekeep_env.scenario import Channel
 from lanekeep_env.scenario.car import CarScenario
@@ -39,6 +39,8 @@ class Skin:
     further: ClassVar[Rows] = ()
     #: Makes an info of an outcome's rows, success and termination.
     _info: ClassVar[Callable[..., dict[str, Any]]]
+    #: Makes of an observation and one car's outcome what a step returns.
+    _told: ClassVar[Callable[..., tuple[Any, float, bool, bool, dict[str, Any]]]]
     scenario: Any
     _core: Any
     _spec: EnvSpec | None = None
@@ -48,6 +50,7 @@ class Skin:
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
         cls._info = staticmethod(info_reader(cls.further))
+        cls._told = staticmethod(step_reader(cls.further))
         if "scenario_class" in cls.__dict__:
             cls._settled = frozenset({f.name for f in fields(cls.scenario_class)} | {"channels", "hash"})
         page = inspect.cleandoc(cls.__dict__.get("__doc__") or "")

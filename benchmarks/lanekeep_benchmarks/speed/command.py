@@ -33,7 +33,8 @@ def speed(
     """Measure env-steps/s beside CartPole, Pendulum, highway-env and gymnax, and how long a first step takes.
 
     What is compared runs in turns, so that ratios hold on a noisy machine: the median over rounds is told, with the
-    smallest and the largest. All ids take minutes, most of them for first steps with nothing compiled.
+    smallest and the largest. That spread is one run's: another run, a minute later, can lie beyond it, and --history
+    shows by how much. All ids take minutes, most of them for first steps with nothing compiled.
 
     Example: lanekeep speed --quick LaneKeep-v0 WallFollow-v0
 
