@@ -55,7 +55,7 @@ def step_reader(further: Rows) -> Callable[..., tuple[Any, float, bool, bool, di
 
 def _written(further: Rows, flags: Mapping[int, str], arguments: str, ending: Sequence[str]) -> Callable[..., Any]:
     """Return a function written out name by name, which fills in a template: a loop takes as long as a car's step."""
-    places = {row: f"info[{name!r}]" for name, row in (*TRUTH, *further)} | flags
+    places = {**{row: f"info[{name!r}]" for name, row in (*TRUTH, *further)}, **flags}
     rows = ", ".join(places.get(row, "_") for row in range(max(places) + 1))
     names = *dict(TRUTH), "is_success", "termination", *dict(further)
     written: dict[str, Any] = {"template": dict.fromkeys(names)}
