@@ -123,7 +123,7 @@ def test_files_are_small_plain_and_come_in_pairs():
 
 def test_the_page_of_learned_policies_lists_them_all():
     text = (ROOT / "docs" / "learned-policies.md").read_text()
-    listed = set(re.findall(r"^\| ((?:\S*?ppo|ars|distilled)-\S+(?: \(\d seeds\))?) \|", text, re.MULTILINE))
+    listed = set(re.findall(r"^\| ((?:\S*?ppo|ars|distilled)-\S+(?: \(\d+ seeds\))?) \|", text, re.MULTILINE))
     assert listed == set(rows_of(NAMES))
 
 
