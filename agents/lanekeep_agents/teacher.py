@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 import lanekeep_env  # noqa: F401
 from lanekeep_env import layout as at
 from lanekeep_env.checks import shown
-from lanekeep_env.engine.packed import Packed
 from lanekeep_env.families.road.cars import RoadCars
 
 Floats = NDArray[np.float64]
@@ -54,8 +53,7 @@ class _Copies:
         self.action = np.zeros(blocks * size, dtype=np.float32)
         self.outcome = np.empty((cars.outcome_rows, blocks * size))
         seen = np.empty((blocks * size, cars.num_channels), dtype=np.float32)
-        _, _, *around = cars.state
-        self.packed = Packed(self.cars, self.counters, *around, self.action, seen)
+        self.packed = cars.pack(self.cars, self.counters, self.action, seen)
 
 
 class Teacher:

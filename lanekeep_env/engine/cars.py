@@ -89,7 +89,12 @@ class Cars:
     @cached_property
     def packed(self) -> Packed:
         """What kernels are given beside the outcome."""
-        return Packed(*self.state, (self.starting, self.start), self.action.reshape(-1), self.observation)
+        return self.pack(self.cars, self.counters, self.action.reshape(-1), self.observation)
+
+    def pack(self, cars: np.ndarray, counters: np.ndarray, action: np.ndarray, observation: np.ndarray) -> Packed:
+        """Pack what `run` is given, with its own arrays or others of their kinds: the kernel looks at no types."""
+        _, _, *around = self.state
+        return Packed(cars, counters, *around, (self.starting, self.start), action, observation)
 
     @property
     def step(self) -> Any:
