@@ -36,7 +36,8 @@ VARIANTS: dict[str, dict[str, Any]] = {
 GLASS = (
     "side windows look like openings until the front cone hears them at an angle, and nearer than the camera sees the "
     "car takes what the front cone hears for a wall that was shown before, and does not slow down for it; a corner "
-    "that was measured once, past windows, is believed; lost cars back up into walls beside them"
+    "that was measured once, past windows, is believed; lost cars back up into walls beside them. Most contacts (11 of "
+    "15 in 120 training worlds) are of lost cars that have backed up and drive on at 1.5 m/s into the window they hear"
 )
 #: Radius of the S-curves that slaloms leave room for, and further way between their walls, m.
 RADIUS, ROOM = 1.1, 0.8
