@@ -9,6 +9,7 @@ import os
 import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -49,7 +50,8 @@ def parse_json(content: bytes | str) -> Any:
 
 
 def json_able(value: Any) -> Any:
-    """Return a keyword as JSON has it: paths as text, arrays and tuples as lists, records as mappings."""
+    """Return a keyword as JSON has it: paths as text, arrays and tuples as lists, records as mappings, an
+    enumeration's member as its name in small letters, as ours are written."""
     if hasattr(value, "to_dict"):
         return json_able(value.to_dict())
     if is_dataclass(value) and not isinstance(value, type):
@@ -60,6 +62,8 @@ def json_able(value: Any) -> Any:
         return [json_able(one) for one in value]
     if isinstance(value, np.ndarray | np.generic):
         return json_able(value.tolist())
+    if isinstance(value, Enum):
+        return value.name.lower()
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 

@@ -18,7 +18,7 @@ from lanekeep_baselines.declared import PREFIX, Declared
 from lanekeep_baselines.one_by_one import OneByOne
 from lanekeep_baselines.policy import DrivingPolicy, Policy, Scenario, SteeringPolicy
 from lanekeep_baselines.tunable import read_tuned, tuned
-from lanekeep_env.checks import nearest, shown, shown_path
+from lanekeep_env.checks import known, nearest, shown, shown_path
 
 __all__ = ["DrivingPolicy", "OneByOne", "Policy", "Scenario", "SteeringPolicy", "load", "make", "names", "register"]
 
@@ -177,6 +177,8 @@ def load(path: str | Path, scenario: Scenario) -> Policy:
     if found.policy not in names():
         raise ValueError(f"{shown_path(path)}: policy={shown(found.policy)} is unknown{nearest(found.policy, names())}")
     try:
+        allowed = [one.name for one in policy_class(found.policy).tunable]
+        known(f"policy {found.policy!r}", found.values, allowed, "tunable number")
         return make(found.policy, scenario, **found.values)
     except ValueError as error:
         raise ValueError(f"{shown_path(path)}: {error}") from None

@@ -62,7 +62,15 @@ def tuned(policy: type[Declared], values: Mapping[str, Any]) -> type[Declared]:
             constants[one.of] = replace(record, **{name: float(value)})
         else:
             constants[name] = float(value)
+    constants["__reduce__"] = lambda self: (_restored, (policy, dict(values), self.__dict__))
     return type(policy.__name__, (policy,), constants)
+
+
+def _restored(policy: type[Declared], values: Mapping[str, Any], state: dict[str, Any]) -> Declared:
+    """Return a tuned controller from a pickle: its class is in no module."""
+    made = object.__new__(tuned(policy, values))
+    made.__dict__.update(state)
+    return made
 
 
 class Tuned(NamedTuple):

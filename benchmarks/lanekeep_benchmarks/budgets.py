@@ -15,6 +15,8 @@ from lanekeep_env.checks import require
 from lanekeep_env.files import read_bounded
 from lanekeep_env.plain import parse_json
 
+#: Heading of the table.
+BUDGETS = "## Budgets"
 #: The record of a search, beside the folders of its trainings.
 _SEARCH = "best.json"
 
@@ -63,5 +65,5 @@ def budgets(policies: Sequence[str]) -> str:
             lines.append(f"| {label} | {steps:,} | {trials or ''} |")
     if not lines:
         return ""
-    head = ["", "## Budgets", "", "| trained or tuned | environment steps | trials of a search |", "|---|---:|---:|"]
+    head = ["", BUDGETS, "", "| trained or tuned | environment steps | trials of a search |", "|---|---:|---:|"]
     return "\n".join([*head, *lines]) + "\n"

@@ -54,7 +54,7 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         num_envs: int = 1,
         *,
         max_episode_steps: int | None = None,
-        autoreset_mode: str = "next_step",
+        autoreset_mode: str | AutoresetMode = "next_step",
         dtype: str = "float64",
         num_threads: int = 1,
         render_mode: str | None = None,
@@ -64,6 +64,8 @@ class ManyEnvs(Skin, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         require("num_threads", num_threads, "", at_least=1, at_most=numba.config.NUMBA_NUM_THREADS, whole=True)
         max_episode_steps = None if max_episode_steps == -1 else max_episode_steps  # as in gym.make
         require("max_episode_steps", max_episode_steps, "steps", at_least=1, whole=True, optional=True)
+        if isinstance(autoreset_mode, AutoresetMode):
+            autoreset_mode = autoreset_mode.name.lower()
         choose("autoreset_mode", autoreset_mode, _AUTORESET)
         check_modes(render_mode, dtype)
         if render_mode == "human":

@@ -1,6 +1,7 @@
 """`lanekeep tune`: runs that are killed, repeated, damaged and refused, and what they leave for the benchmark."""
 
 import json
+import pickle
 import shutil
 
 import gymnasium as gym
@@ -128,7 +129,7 @@ def _line(number, **changes):
         (_line(0, steps=-1), "steps=-1 is not allowed"),
         (_line(0, score=None), "line 1 is not of this run"),
         (lambda lines: [*lines[:1], *lines[2:]], "must be trial 1"),
-        (lambda lines: [*lines, lines[-1]], "has 6 trials; the run asks for 5"),
+        (lambda lines: [*lines, lines[-1]], "has 6 trials; it must have 1 to 5"),
         (lambda lines: [lines[0].replace("0.0,", "NaN,", 1), *lines[1:]], "line 1 is not of this run"),
         (lambda lines: [*lines[:2], "[" * 100_000], "nested deeper"),
         (lambda lines: [*lines[:2], "[]"], "line 3 is not of this run"),
@@ -156,10 +157,23 @@ def test_runs_are_not_replaced_and_only_that_very_run_goes_on(whole, tmp_path):
     (tmp_path / tuning.BEST).write_text("somebody's")
     with pytest.raises(ValueError, match="already holds a run"):
         tuning.Tuning(_settings(), tmp_path)
-    assert settings_in(folder).text() == _settings().text()
-    (tmp_path / "settings.json").write_text('{"sets": [{"name": "x", "code": 1}]}')
-    with pytest.raises(ValueError, match="not the record of a run"):
-        settings_in(tmp_path)
+    with pytest.raises(ValueError, match="holds another run, or one of another version"):
+        tuning.Tuning(settings_in(folder), folder, resume=True)  # its sets are not those of the id
+    today = settings_for("pd", "LaneKeep-v0", 3).text()
+    (tmp_path / "settings.json").write_text(today.replace('"optuna": "', '"optuna": "0.'))
+    assert settings_in(tmp_path).text() == today
+    for text in ('{"sets": [{"name": "x", "code": 1}]}', '{"policy": ["pd"]}', '{"policy": "pd", "env_id": 3}'):
+        (tmp_path / "settings.json").write_text(text)
+        with pytest.raises(ValueError, match="not the record of a run"):
+            settings_in(tmp_path)
+
+
+def test_a_tuned_policy_comes_back_from_a_pickle():
+    policy = lanekeep_baselines.make("stanley", LaneKeepScenario(), gain=2.7)
+    again = pickle.loads(pickle.dumps(policy))
+    observation = np.full((3, len(LaneKeepScenario().channels)), 0.1, dtype=np.float32)
+    assert again.gain == 2.7
+    assert np.array_equal(again.predict(observation)[0], policy.predict(observation)[0])
 
 
 def test_scores_are_shares_of_the_shipped_values_return():
@@ -241,9 +255,10 @@ GOOD = {"lateral_gain": 0.03, "heading_gain": 0.5}
         (tuned_text({**GOOD, "heading_gain": True}, policy="pd"), "must be a finite number"),
         (tuned_text({**GOOD, "heading_gain": float("nan")}, policy="pd"), "NaN"),
         (tuned_text({**GOOD, "heading_gain": 100.0}, policy="pd"), "heading_gain=100.0 is not allowed"),
-        (tuned_text({"predict": 1.0}, policy="pd"), "has no option 'predict'"),
+        (tuned_text({"predict": 1.0}, policy="pd"), "has no tunable number 'predict'"),
+        (tuned_text({"scenario": 1.0}, policy="pd"), "has no tunable number 'scenario'"),
         (tuned_text(GOOD, policy="pdd"), "did you mean 'pd'"),
-        (tuned_text(GOOD, policy="yin-lqr"), "has no option 'lateral_gain'; allowed: none"),
+        (tuned_text(GOOD, policy="yin-lqr"), "has no tunable number 'lateral_gain'"),
         ('{"format": "lanekeep-tuned-1", "x": ' + "[" * 100 + "]" * 100 + "}", "nested"),
     ],
 )

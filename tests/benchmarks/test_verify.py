@@ -13,7 +13,8 @@ import pytest
 from lanekeep_benchmarks.__main__ import main
 from lanekeep_benchmarks.evaluate import episode_seed, make_cars
 from lanekeep_benchmarks.lines import EpisodeResult
-from lanekeep_benchmarks.results import EPISODES, SUMMARY, TABLE
+from lanekeep_benchmarks.report import failures
+from lanekeep_benchmarks.results import EPISODES, SUMMARY, TABLE, read_lines
 from lanekeep_benchmarks.run_record import RUN
 from lanekeep_benchmarks.suites import read_suite
 from lanekeep_benchmarks.verify import again, fresh
@@ -189,6 +190,17 @@ def test_files_that_do_not_agree_are_found(file, change, words, honest, capsys, 
     (honest / file).write_text(change(text))
     code, found = verified(capsys, "out")
     assert code == 1 and words in found["faults"][0]
+
+
+def test_what_was_spent_on_policies_is_no_part_of_a_claim(honest, capsys, monkeypatch):
+    """Their files tell it, which may be gone; before it was told, tables were without."""
+    monkeypatch.setattr(fresh, "EPISODES", 2)
+    text = (honest / TABLE).read_text()
+    failed = failures([line for _, line in read_lines((honest / EPISODES).read_bytes())])
+    (honest / TABLE).write_text(text.removesuffix(failed) + "\n## Budgets\n\n| a | 1 |\n" + failed)
+    assert verified(capsys, "out")[0] == 0
+    (honest / TABLE).write_text(text.removesuffix(failed) + "\n## Returns\n\n| a | 1 |\n" + failed)
+    assert verified(capsys, "out")[0] == 1
 
 
 def test_a_look_up_entrant_runs_where_it_is_named_and_is_found_by_fresh_episodes(there, capsys, monkeypatch):

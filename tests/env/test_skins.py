@@ -3,6 +3,7 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -57,6 +58,12 @@ def gentle(rng, steps, env, spread=0.15):
     actions = rng.normal(0, spread, (steps, *env.action_space.shape))
     actions[..., 1:] += 0.7
     return np.clip(actions, -1, 1).astype(np.float32)
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_gymnasiums_names_of_modes_are_taken(mode):
+    cars = gym.make_vec("lanekeep/LaneKeep-v0", 2, autoreset_mode=mode)
+    assert cars.metadata["autoreset_mode"] is mode
 
 
 @pytest.mark.parametrize("mode", ["next_step", "same_step"])

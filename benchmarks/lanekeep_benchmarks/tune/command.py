@@ -66,7 +66,8 @@ def tune(
         from lanekeep_env.files import write_atomic
 
         write_atomic(folder / PICTURE, plot_trials(command(settings), run.space, run.trials))
-        write_atomic(folder / BEST, best_text(settings, outcome, folder))
+        if not (folder / BEST).exists():  # a run that has driven with it goes by its bytes
+            write_atomic(folder / BEST, best_text(settings, outcome, folder))
     print("\n".join(in_words(settings, outcome, folder)))
     if warning := chance(outcome):
         print(f"lanekeep: {warning}", file=sys.stderr)

@@ -178,7 +178,9 @@ class Tuning:
         except ValueError as error:
             raise ValueError(f"{shown_path(file)}: {error}") from None
         if not 1 <= len(lines) <= self.settings.trials:
-            raise ValueError(f"{shown_path(file)} has {len(lines)} trials; the run asks for {self.settings.trials}")
+            raise ValueError(
+                f"{shown_path(file)} has {len(lines)} trials; it must have 1 to {self.settings.trials}, or be missing"
+            )
         self.trials = []
         for number, line in enumerate(lines):
             try:
@@ -198,7 +200,7 @@ class Tuning:
             raise ValueError(f"the search asks for other values than {trial.values}")
         require("steps", trial.steps, "", at_least=0, whole=True)
         sets = len(self.settings.drills)
-        if trial.score is None and number:
+        if trial.score is None and number and trial.returns == trial.failed == []:
             return trial
         for name, numbers in (("returns", trial.returns), ("failed", trial.failed)):
             if len(numbers) != sets:

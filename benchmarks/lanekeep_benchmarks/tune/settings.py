@@ -12,7 +12,7 @@ from lanekeep_agents.distil.mix import Lessons, read_mix
 from lanekeep_agents.distil.run import MIXES
 from lanekeep_benchmarks.tune.search import version
 from lanekeep_benchmarks.tune.space import check_tunable, is_learned
-from lanekeep_env.checks import choose, from_mapping, known, require, shown
+from lanekeep_env.checks import choose, require, shown
 from lanekeep_env.files import read_bounded
 from lanekeep_env.plain import parse_json
 
@@ -100,16 +100,14 @@ def settings_for(policy: str, env_id: str, trials: int, seed: int = 0, steps: in
 
 
 def settings_in(folder: Path) -> TuneSettings:
-    """Return the settings of the run in a folder; ValueError where there is none."""
+    """Return the settings of the run in a folder, as they are today; ValueError where there is none."""
     file = folder / SETTINGS
     try:
         values: Any = parse_json(read_bounded(file, LARGEST))
-        if not isinstance(values, dict) or not isinstance(values.get("sets"), list):
-            raise ValueError("it has no list of sets")
-        for one in values["sets"]:
-            known("set", one, list(Lessons.__dataclass_fields__))
-        sets = tuple(from_mapping(Lessons, one, "set") for one in values["sets"])
-        return from_mapping(TuneSettings, {**values, "sets": sets}, "the run")
+        if not isinstance(values, dict) or not isinstance(values.get("policy"), str):
+            raise ValueError("it names no policy")
+        named: list[Any] = [values.get(name) for name in ("policy", "env_id", "trials", "seed", "steps")]
+        return settings_for(*named)
     except FileNotFoundError:
         raise ValueError(f"--out {folder} holds no run to resume ({SETTINGS} is missing)") from None
     except (TypeError, ValueError) as error:
