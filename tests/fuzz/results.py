@@ -40,7 +40,6 @@ from lanekeep_benchmarks.run_record import RUN
 from lanekeep_benchmarks.suites import SUITES, Suite, SuiteScenario
 from lanekeep_benchmarks.tune.record import best_text
 from lanekeep_benchmarks.tune.run import BEST, TRIALS, Tuning
-from lanekeep_benchmarks.tune.settings import TuneSettings
 from lanekeep_benchmarks.tune.settings import settings_for as tune_settings_for
 from lanekeep_benchmarks.tune.settings import settings_in as tune_settings_in
 from lanekeep_env.scenario import LaneKeepScenario
@@ -56,6 +55,8 @@ SUITE = Suite(
     ),
     episodes=3,
 )
+#: Of a search, in place of those that the id has.
+SHORT = (Lessons("short", keywords={"episode_steps": 5}),)
 TINY: dict[str, Any] = dict(
     steps=400,
     num_envs=4,
@@ -86,9 +87,7 @@ def training_run(folder: Path) -> Files:
 
 def search_run(folder: Path) -> Files:
     """A search that has ended."""
-    sets = (Lessons("short", keywords={"episode_steps": 5}),)
-    versions = tune_settings_for("pd", "LaneKeep-v0", 1).versions
-    settings = TuneSettings("pd", "lanekeep/LaneKeep-v0", 5, 0, None, sets, versions)
+    settings = replace(tune_settings_for("pd", "LaneKeep-v0", 5), sets=SHORT)
     outcome = Tuning(settings, folder).run()
     (folder / BEST).write_text(best_text(settings, outcome, folder))
     return {file.name: file.read_bytes() for file in folder.iterdir()}
@@ -149,7 +148,7 @@ def resume_training(folder: Path) -> None:
 
 def resume_search(folder: Path) -> None:
     """What `lanekeep tune --resume` does before it drives."""
-    search = Tuning(tune_settings_in(folder), folder, resume=True)
+    search = Tuning(replace(tune_settings_in(folder), sets=SHORT), folder, resume=True)
     assert all(one.score is None or np.isfinite([one.score, *one.returns]).all() for one in search.trials)
 
 
